@@ -1,4 +1,4 @@
-"""Every GoogleTest program under sanitizers, and every kernel under oclgrind.
+"""Every GoogleTest program under sanitizers (the diagnosis's mathematics at night), and every kernel under oclgrind.
 
 The sanitized library is built in a folder of its own below the build folder; later runs build only what changed. It is not optimized: that
 halves the time to compile it, most of the suite's, and the programs spend theirs in the compilers of kernels, which are not sanitized. Clang
@@ -35,28 +35,25 @@ RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft", "test_apertu
 Done = subprocess.CompletedProcess[str]
 # Programs that measure clFFT beside the other engines: its own leaks are known (leaks.supp).
 USERS_OF_CLFFT = {"test_work_groups", "test_tuning"}
-# Programs of which a part is enough: the same code, hundreds of times. test_diagnosis_api runs whole diagnoses. And what
-# bounds the memory of the process.
+# Programs of which a part is enough: what kernels are made of, at the first sizes and options. No more of the library's own
+# code runs for the others.
 FILTERS = {
-    "test_attribution": "-Diagnosis.*:*FewFramesAreNoGap",
-    # Of what kernels are made of, the first sizes and options: no more of the library's own code runs for the others.
     "test_cpu_codelets": "-*/1?",
+    "test_frame_changes": "-*WhatFluctuates",
     "test_gpu_codelets": "-*/8:*/9:*/1?",
+    "test_judged_part": "-*TakesTheMemory*",
     "test_pattern_lanes": "-*TheSameBits:*AllOptions",
     "test_sensor": "-SensorLanes.TheSameBitsAsTheKernelOfOtherDevices",
     "test_work_groups": "-*EveryCandidateMakes*:*MeasuresEveryShape*",
-    "test_compare": "-*NotToldApart*:*row_noise*:*shot_noise*:*crosstalk*",
-    "test_emva1288": "-*IntervalsHold*:*AreUnderstood:*ARestingLaserScene*:*ALinearCamera*:*DarkCurrentIs*:*IsDescribedWith*",
-    "test_frame_changes": "-*WhatFluctuates",
-    "test_gap_simulator": "-*HundredsOfCalls*:*EffectsShow*:*AnEffectLeaves*",
-    "test_gap_simulator_physics": "Physics.TheBaseline",
-    "test_gap_statistics": "-*AreNearlyGaussian",
-    "test_illumination": "-*EvenLightIsEven:*ErrorsHold*:*ALampThatDrifts",
-    "test_judged_part": "-*TakesTheMemory*",
-    "test_ladder": "-*SurviveAnUnknown*:*AnUnknownBelow*:*HasNoPull",
-    "test_shrinkage": "-*IntervalsHold*",
-    "test_swap": "-*AtItsMostWork:*ResemblesTheTrueOne",
 }
+# The mathematics of the diagnosis, which takes half the time and meets no input but numbers. Its C API, files and reports are
+# not among them.
+FOR_THE_NIGHT = {"inference", "measure", "run", "simulator", "statistics"}
+
+
+def is_for_the_night(program: str) -> bool:
+    source = next((ROOT / "tests").rglob(f"{program.partition('-')[0]}.c*"))
+    return source.parent.parent.name == "diagnosis" and source.parent.name in FOR_THE_NIGHT and not program.endswith("_api")
 
 
 def run(*command: object, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -81,11 +78,6 @@ def sanitized_build(folder: str, sanitizers: str, targets: list[str]) -> Path:
     done = run("cmake", "--build", build, "--parallel", "2", "--target", *targets)
     assert done.returncode == 0, done.stdout[-20000:]
     return build
-
-
-@pytest.fixture(scope="session")
-def address_build() -> Path:
-    return sanitized_build("sanitizers/address", "address,undefined", PROGRAMS)
 
 
 ADDRESS_OPTIONS = {
@@ -130,15 +122,16 @@ def all_stages_run(pool: ThreadPoolExecutor) -> Future[tuple[Done, str]]:
 
 
 @pytest.fixture(scope="session")
-def sanitized_runs(request: pytest.FixtureRequest, pool: ThreadPoolExecutor, address_build: Path) -> dict[str, Future[Done]]:
+def sanitized_runs(request: pytest.FixtureRequest, pool: ThreadPoolExecutor) -> dict[str, Future[Done]]:
     """The programs of the tests that were selected, on their way, in the order of the tests; the longest run of all before them."""
     if any("watched" in item.fixturenames for item in request.session.items):
         request.getfixturevalue("all_stages_run")
     selected = [item.callspec.params["program"] for item in request.session.items if item.originalname == "test_address_and_undefined"]
-    return {program: pool.submit(run_sanitized, address_build, program) for program in selected}
+    build = sanitized_build("sanitizers/address", "address,undefined", sorted({name.partition("-")[0] for name in selected}))
+    return {program: pool.submit(run_sanitized, build, program) for program in selected}
 
 
-@pytest.mark.parametrize("program", RUNS)
+@pytest.mark.parametrize("program", [pytest.param(name, marks=[pytest.mark.nightly] if is_for_the_night(name) else []) for name in RUNS])
 def test_address_and_undefined(sanitized_runs: dict[str, Future[Done]], program: str) -> None:
     done = sanitized_runs[program].result()
     assert done.returncode == 0, done.stdout[-20000:]
