@@ -1,0 +1,67 @@
+"""Other OpenCL runtimes: Intel's for CPUs and Mesa's rusticl run a part of the suite, at night all of it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
+sys.path.insert(0, str(ROOT / "scripts"))
+import runtimes  # noqa: E402
+
+# Random numbers against other people's, the state of the surface, codes, queues and threads.
+PART = ["test_philox", "test_phase", "test_safety", "test_concurrency"]
+OTHERS = ["intel", "rusticl"]
+
+
+def check(runtime: str, programs: list[str], limit: float) -> None:
+    try:
+        result = runtimes.run_programs(runtime, BUILD, programs, limit)
+    except runtimes.Missing as missing:
+        pytest.skip(f"{runtime} cannot be had: {missing}")
+    assert result.device
+    assert not result.failed
+    assert result.passed > 5 * len(programs) // 2
+
+
+@pytest.mark.parametrize("runtime", OTHERS)
+def test_a_part_runs_on_another_runtime(runtime: str) -> None:
+    check(runtime, PART, 150.0)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("runtime", OTHERS)
+def test_all_runs_on_another_runtime(runtime: str) -> None:
+    programs = (BUILD / "tests" / "gtest_programs.txt").read_text().split()
+    check(runtime, sorted(set(programs) - runtimes.NO_TESTS_OF_A_RUNTIME), 1800.0)
+
+
+def test_what_is_known_to_fail_has_a_reason() -> None:
+    for known in runtimes.known_failures():
+        assert known.runtime in runtimes.RUNTIMES
+        assert len(known.reason) > 20
+
+
+def test_a_failure_and_a_hang_are_told(tmp_path: Path) -> None:
+    """Programs that stand for a build: one passes half, one crashes, one never ends."""
+    report = (
+        '<testsuites><testsuite name="S"><testcase classname="S" name="Good"/>'
+        '<testcase classname="S" name="Bad"><failure message="m"/></testcase></testsuite></testsuites>'
+    )
+    programs = {
+        "clspeckle": "echo '0:0  A device: taken: the best'",
+        "test_half": f"echo '{report}' > \"${{GTEST_OUTPUT#xml:}}\"; exit 1",
+        "test_crash": "kill -SEGV $$",
+        "test_endless": "exec sleep 60",
+    }
+    (tmp_path / "bin").mkdir()
+    for name, body in programs.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{body}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    result = runtimes.run_programs("pocl", tmp_path, ["test_half", "test_crash", "test_endless"], 1.0)
+    assert (result.device, result.programs, result.passed) == ("A device", 3, 1)
+    assert result.failed == ["S.Bad", "test_crash: signal 11", "test_endless: more than 1 s"]
