@@ -1,6 +1,7 @@
 #include "runtime/build_log.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <cstring>
 #include <fmt/core.h>
@@ -47,6 +48,12 @@ std::string with_files_and_lines(const std::string &build_log, const std::string
         done = end;
     }
     return result + build_log.substr(done);
+}
+
+bool names_an_error(const std::string &build_log) {
+    std::string lower = build_log;
+    std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+    return lower.find("error") != std::string::npos;
 }
 
 } // namespace clsp

@@ -147,27 +147,32 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
     if (program()) {
         ++from_disk_;
     } else {
-        program = cl::Program(context_, text);
-        try {
-            program.build({device_}, options.c_str());
-        } catch (const cl::Error &error) {
-            std::string log;
-            try {
-                log = with_files_and_lines(program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_), text);
-            } catch (const cl::Error &) {
-                log = "(the driver gave no build log)";
-            }
-            throw Error(Status::kBuild,
-                        fmt::format("kernel file \"{}\" does not build with \"{}\": {}; the build log tells where",
-                                    file, options, opencl_code_name(error.err())),
-                        error.err(), log);
-        }
+        program = build_program(file, text, options);
         ++built_;
         if (on_disk)
             store(program, name, head);
     }
     programs_.emplace(key, program);
     return program;
+}
+
+cl::Program ProgramCache::build_program(const std::string &file, const std::string &text, const std::string &options) const {
+    for (bool again = false;; again = true) {
+        const cl::Program program(context_, text);
+        const cl_int code = clBuildProgram(program(), 1, &device_(), options.c_str(), nullptr, nullptr);
+        if (code == CL_SUCCESS)
+            return program;
+        std::string log = "(the driver gave no build log)";
+        try {
+            log = with_files_and_lines(program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_), text);
+        } catch (const cl::Error &) {
+        }
+        if (again || names_an_error(log))
+            throw Error(Status::kBuild,
+                        fmt::format("kernel file \"{}\" does not build with \"{}\": {}; the build log tells where",
+                                    file, options, opencl_code_name(code)),
+                        code, log);
+    }
 }
 
 // What a program's file begins with: magic, the device key and options in full, the source's hash. Anything that does

@@ -38,6 +38,8 @@ class ProgramCache {
   private:
     std::string source(const std::string &file, const GeneratedHeader *generated) const;
     std::string expanded(const std::string &file, const GeneratedHeader *generated, int depth) const;
+    // Builds it from source, once more where it is the driver that failed.
+    cl::Program build_program(const std::string &file, const std::string &text, const std::string &options) const;
     std::string head_of_file(const std::string &source_text, const std::string &options) const;
     cl::Program load(const std::string &name, const std::string &head, const std::string &options) const;
     void store(const cl::Program &program, const std::string &name, const std::string &head) const;

@@ -47,4 +47,12 @@ TEST(BuildLog, WhatHasFilesAndLinesOrNoneStaysAsItIs) {
     EXPECT_EQ("<kernel>:1:1: error", with_files_and_lines("<kernel>:1:1: error", ""));
 }
 
+TEST(BuildLog, NamesAnErrorOrIsOfTheDriversOwnFailure) {
+    for (const char *log : {"frame.cl:3:7: error: unknown type\n", "1 Error generated", "frame.cl(3): ERROR: syntax"})
+        EXPECT_TRUE(clsp::names_an_error(log)) << log;
+    for (const char *log : {"", "(the driver gave no build log)", "Device pthread-skylake failed to build the program\n",
+                            "frame.cl:3:7: warning: unused variable\n"})
+        EXPECT_FALSE(clsp::names_an_error(log)) << log;
+}
+
 } // namespace
