@@ -1,6 +1,6 @@
 """Runs the GoogleTest programs on several OpenCL runtimes and says where they agree.
 
-usage: runtimes.py [--runtimes intel,rusticl] [--programs test_philox,test_phase] [--limit SECONDS] [--table FILE]
+usage: runtimes.py [--runtimes pocl,intel] [--programs test_philox,test_phase] [--limit SECONDS] [--table FILE]
 
 Fetches Intel's CPU runtime from PyPI and Mesa's rusticl from Debian into build/runtimes; neither becomes a driver of this machine.
 tests/runtimes/known.txt lists what is known to fail on a runtime, with the reason. Ends with 1 where anything else fails.
@@ -30,7 +30,14 @@ class Missing(Exception):
 
 
 def call(*command: object, folder: Path = ROOT) -> str:
-    done = subprocess.run([str(word) for word in command], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    done = subprocess.run(
+        [str(word) for word in command],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
     if done.returncode != 0:
         raise Missing(f"{' '.join(map(str, command[:3]))} ended with {done.returncode}: {done.stdout[-400:].strip()}")
     return done.stdout
@@ -50,10 +57,23 @@ def pocl(_: Path) -> dict[str, str]:
     return {}
 
 
+def oclgrind(_: Path) -> dict[str, str]:
+    if not shutil.which("oclgrind"):
+        raise Missing("the program oclgrind is not there; Debian's package has its name")
+    return {"CLSPECKLE_DEVICE": "oclgrind"}
+
+
 def intel(folder: Path) -> dict[str, str]:
     if not list(folder.rglob("libintelocl.so")):
         call(sys.executable, "-m", "venv", folder)
-        call(folder / "bin" / "pip", "install", "-q", "--disable-pip-version-check", "intel-opencl-rt", "intel-cmplr-lib-rt")
+        call(
+            folder / "bin" / "pip",
+            "install",
+            "-q",
+            "--disable-pip-version-check",
+            "intel-opencl-rt",
+            "intel-cmplr-lib-rt",
+        )
     return write_vendor(folder, folder / "lib" / "libintelocl.so")
 
 
@@ -66,19 +86,25 @@ def rusticl(folder: Path) -> dict[str, str]:
         folder.mkdir(parents=True, exist_ok=True)
         call("apt-get", "-q", "download", "mesa-opencl-icd", folder=folder)
         package = next(folder.glob("mesa-opencl-icd*.deb"))
-        needs = [name.split("(")[0].split("|")[0].strip() for name in call("dpkg-deb", "-f", package, "Depends").split(",")]
+        needs = [
+            name.split("(")[0].split("|")[0].strip() for name in call("dpkg-deb", "-f", package, "Depends").split(",")
+        ]
         sudo = [] if os.geteuid() == 0 else ["sudo", "-n"]
         call(*sudo, "apt-get", "-q", "install", "-y", "--no-install-recommends", *needs)
         call("dpkg-deb", "-x", package, folder)
-    return write_vendor(folder, driver) | {"RUSTICL_ENABLE": "llvmpipe", "GALLIUM_PIPE_SEARCH_DIR": str(libraries / "gallium-pipe")}
+    return write_vendor(folder, driver) | {
+        "RUSTICL_ENABLE": "llvmpipe",
+        "GALLIUM_PIPE_SEARCH_DIR": str(libraries / "gallium-pipe"),
+    }
 
 
-RUNTIMES = {"pocl": pocl, "intel": intel, "rusticl": rusticl}
+RUNTIMES = {"pocl": pocl, "oclgrind": oclgrind, "intel": intel, "rusticl": rusticl}
+COMMANDS = {"oclgrind": ["oclgrind"]}  # a simulated device, in the process of the program
 
 
 def environment_of(runtime: str, build: Path) -> dict[str, str]:
     """What a program needs to run on it. Throws Missing."""
-    return RUNTIMES[runtime](build / "runtimes" / runtime) | {"CLSPECKLE_TUNING": "off", "POCL_AFFINITY": "1"}
+    return {"CLSPECKLE_TUNING": "off", "POCL_AFFINITY": "1"} | RUNTIMES[runtime](build / "runtimes" / runtime)
 
 
 @dataclass
@@ -108,11 +134,17 @@ class Result:
 
 
 def tests_of(report: Path) -> dict[str, str]:
-    """"passed", "failed" or "skipped" by test."""
+    """ "passed", "failed" or "skipped" by test."""
     result = {}
     for case in ElementTree.parse(report).iter("testcase"):
         name = f"{case.get('classname')}.{case.get('name')}"
-        result[name] = "failed" if case.find("failure") is not None else "skipped" if case.find("skipped") is not None else "passed"
+        result[name] = (
+            "failed"
+            if case.find("failure") is not None
+            else "skipped"
+            if case.find("skipped") is not None
+            else "passed"
+        )
     return result
 
 
@@ -120,8 +152,13 @@ def run_programs(runtime: str, build: Path, programs: list[str], limit: float, s
     """A program that does not end, or ends by a signal, counts as one failed test of its name."""
     variables = {**os.environ, **environment_of(runtime, build)}
     result = Result(runtime)
-    shown = subprocess.run([build / "bin" / "clspeckle", "devices"], env=variables, capture_output=True, text=True, check=False)
-    result.device = next((line.split(":", 1)[1].strip() for line in shown.stdout.splitlines() if ": taken" in line), "").split(": taken")[0]
+    command = COMMANDS.get(runtime, [])
+    shown = subprocess.run(
+        [*command, build / "bin" / "clspeckle", "devices"], env=variables, capture_output=True, text=True, check=False
+    )
+    result.device = next(
+        (line.split(":", 1)[1].strip() for line in shown.stdout.splitlines() if ": taken" in line), ""
+    ).split(": taken")[0]
     result.device = result.device.split("  ")[-1].strip()
     known = [entry for entry in known_failures() if entry.runtime == runtime]
     folder = build / "runtimes" / "results" / runtime
@@ -131,7 +168,7 @@ def run_programs(runtime: str, build: Path, programs: list[str], limit: float, s
         report.unlink(missing_ok=True)
         begin = time.monotonic()
         try:
-            done = subprocess.run([build / "bin" / program], env={**variables, "GTEST_OUTPUT": f"xml:{report}"},
+            done = subprocess.run([*command, build / "bin" / program], env={**variables, "GTEST_OUTPUT": f"xml:{report}"},
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=limit, check=False)  # fmt: skip
             (folder / f"{program}.log").write_bytes(done.stdout)
             tests = tests_of(report) if report.exists() else {f"{program}: signal {-done.returncode}": "failed"}
@@ -148,12 +185,17 @@ def run_programs(runtime: str, build: Path, programs: list[str], limit: float, s
                 result.known[name] = reasons[0]
             else:
                 result.failed.append(name)
-        say(f"{runtime}: {program}: {len(tests) - len(failed)} of {len(tests)} in {time.monotonic() - begin:.0f} s {' '.join(failed)}")
+        say(
+            f"{runtime}: {program}: {len(tests) - len(failed)} of {len(tests)} in {time.monotonic() - begin:.0f} s {' '.join(failed)}"
+        )
     return result
 
 
 def table(results: list[Result]) -> str:
-    lines = ["| runtime | device | programs | tests passed | skipped | known to fail | fail |", "|---|---|--:|--:|--:|--:|--:|"]
+    lines = [
+        "| runtime | device | programs | tests passed | skipped | known to fail | fail |",
+        "|---|---|--:|--:|--:|--:|--:|",
+    ]
     lines += [result.row() for result in results]
     for result in results:
         lines += ["", f"Known of {result.runtime}:", ""] if result.known else []
@@ -174,7 +216,15 @@ def main() -> int:
     results = []
     for runtime in arguments.runtimes.split(","):
         try:
-            results.append(run_programs(runtime, arguments.build, programs, arguments.limit, lambda line: print(line, file=sys.stderr, flush=True)))
+            results.append(
+                run_programs(
+                    runtime,
+                    arguments.build,
+                    programs,
+                    arguments.limit,
+                    lambda line: print(line, file=sys.stderr, flush=True),
+                )
+            )
         except Missing as missing:
             print(f"{runtime}: cannot be had: {missing}", file=sys.stderr)
             return 1

@@ -105,11 +105,11 @@ const char *default_source(EngineKind kind) {
     case EngineKind::kCpu:
         return "the default for CPUs with vectors";
     case EngineKind::kGpu:
-        return "the default for GPUs, and for CPUs whose driver has no vectors";
+        return "the default for GPUs";
     case EngineKind::kClfft:
         break;
     }
-    return "the device is neither CPU nor GPU, and others keep clFFT until they are told; "
+    return "the device is neither a CPU with vectors nor a GPU, and others keep clFFT until they are told; "
            "CLSPECKLE_FFT=gpu takes the engine for GPUs";
 }
 

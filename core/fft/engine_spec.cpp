@@ -46,8 +46,8 @@ std::string describe(const EngineSpec &spec) {
 }
 
 EngineKind default_engine(const cl::Device &device) {
-    const bool is_known = is_of_type(device, CL_DEVICE_TYPE_CPU) || is_of_type(device, CL_DEVICE_TYPE_GPU);
-    return is_known ? own_engine(device) : EngineKind::kClfft;
+    const EngineKind own = own_engine(device);
+    return own == EngineKind::kCpu || is_of_type(device, CL_DEVICE_TYPE_GPU) ? own : EngineKind::kClfft;
 }
 
 EngineKind own_engine(const cl::Device &device) {

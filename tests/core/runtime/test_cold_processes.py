@@ -24,7 +24,10 @@ def test_twenty_processes_fill_the_caches(tmp_path: Path) -> None:
     variables.pop("GTEST_OUTPUT", None)
     # Three programs each, and known answers.
     processes = [
-        subprocess.Popen([BIN / "test_philox"], env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) for _ in range(20)
+        subprocess.Popen(
+            [BIN / "test_philox"], env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        for _ in range(20)
     ]
     outputs = [process.communicate()[0] for process in processes]
     failed = [output for process, output in zip(processes, outputs) if process.returncode != 0]

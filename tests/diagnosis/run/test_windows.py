@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import time
 from pathlib import Path
@@ -18,6 +19,7 @@ from gap_check.generator import write_capture
 
 ROOT = Path(__file__).resolve().parents[3]
 PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
+ADDRESS_SPACE = 2 << 30  # what a shell's `ulimit -v 2097152` leaves
 CAMERA = {"bits": 10, "pixel_pitch_um": 2.9, "f_number": 5.6, "black_level_dn": 64.0, "read_noise_dn": 4.0}
 
 
@@ -81,7 +83,11 @@ def peak_megabytes(out: Path, *arguments: object) -> float:
     """Of the program, to within what it takes in its last 20 ms; `out` gets what it prints."""
     peak = 0.0
     with out.open("w") as stream:
-        process = subprocess.Popen([str(PROGRAM), *map(str, arguments)], stdout=stream)
+        process = subprocess.Popen(
+            [str(PROGRAM), *map(str, arguments)],
+            stdout=stream,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE)),
+        )
         while process.poll() is None:  # what wait4() tells has the memory of this process in it
             status = Path(f"/proc/{process.pid}/status").read_text()
             for line in status.splitlines():
