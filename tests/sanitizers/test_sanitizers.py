@@ -53,11 +53,7 @@ FOR_THE_NIGHT = {"inference", "measure", "run", "simulator", "statistics"}
 
 def is_for_the_night(program: str) -> bool:
     source = next((ROOT / "tests").rglob(f"{program.partition('-')[0]}.c*"))
-    return (
-        source.parent.parent.name == "diagnosis"
-        and source.parent.name in FOR_THE_NIGHT
-        and not program.endswith("_api")
-    )
+    return source.parent.parent.name == "diagnosis" and source.parent.name in FOR_THE_NIGHT and not program.endswith("_api")
 
 
 def run(*command: object, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -130,20 +126,12 @@ def sanitized_runs(request: pytest.FixtureRequest, pool: ThreadPoolExecutor) -> 
     """The programs of the tests that were selected, on their way, in the order of the tests; the longest run of all before them."""
     if any("watched" in item.fixturenames for item in request.session.items):
         request.getfixturevalue("all_stages_run")
-    selected = [
-        item.callspec.params["program"]
-        for item in request.session.items
-        if item.originalname == "test_address_and_undefined"
-    ]
-    build = sanitized_build(
-        "sanitizers/address", "address,undefined", sorted({name.partition("-")[0] for name in selected})
-    )
+    selected = [item.callspec.params["program"] for item in request.session.items if item.originalname == "test_address_and_undefined"]
+    build = sanitized_build("sanitizers/address", "address,undefined", sorted({name.partition("-")[0] for name in selected}))
     return {program: pool.submit(run_sanitized, build, program) for program in selected}
 
 
-@pytest.mark.parametrize(
-    "program", [pytest.param(name, marks=[pytest.mark.nightly] if is_for_the_night(name) else []) for name in RUNS]
-)
+@pytest.mark.parametrize("program", [pytest.param(name, marks=[pytest.mark.nightly] if is_for_the_night(name) else []) for name in RUNS])
 def test_address_and_undefined(sanitized_runs: dict[str, Future[Done]], program: str) -> None:
     done = sanitized_runs[program].result()
     assert done.returncode == 0, done.stdout[-20000:]
@@ -181,9 +169,7 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
 THREADED = {
     "test_concurrency": [],
     # Workers side by side, and a whole diagnosis in them.
-    "test_attribution": [
-        "--gtest_filter=Workers*:OpenTasks*:Memo*:ReplicateRunner*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"
-    ],
+    "test_attribution": ["--gtest_filter=Workers*:OpenTasks*:Memo*:ReplicateRunner*:Diagnosis.SameSeedSameReport:Diagnosis.CanBeCancelled"],
 }
 
 
