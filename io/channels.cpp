@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <iterator>
 #include <map>
 
 namespace image_io {
@@ -113,6 +114,9 @@ const char *said(Role role) {
     }
 }
 
+/** Depths of other numbers than metres, and what is said about a depth. */
+constexpr const char *not_metres[] = {"inv", "dispar", "norm", "mist", "fog", "conf", "varian", "error", "weight"};
+
 /** What a layer or a lone channel of the role is called. */
 bool fits(Role role, const std::string &name) {
     const std::string word = word_of(tail_of(name));
@@ -137,6 +141,26 @@ bool fits(Role role, const std::string &name) {
     default:
         return is({"combined", "beauty", "rgba", "rgb", "color", "image"});
     }
+}
+
+/** The layer's own name, without the view of a pair of cameras that it belongs to ("Depth.left"). */
+std::string without_view(const std::string &layer) {
+    const std::string view = word_of(tail_of(layer));
+    return view == "left" || view == "right" ? layer_of(layer) : layer;
+}
+
+/** Whether what a layer or a channel is called may be metres along the optical axis. */
+bool may_be_metres(const std::string &name) {
+    const std::string word = word_of(name);
+    return std::none_of(std::begin(not_metres), std::end(not_metres),
+                        [&](const char *one) { return word.find(one) != std::string::npos; });
+}
+
+/** Whether the only channel, or Z, of a layer of this name is a depth: other layers keep mist or light there. */
+bool keeps_depth(const std::string &layer) {
+    const std::string own = without_view(layer), word = word_of(tail_of(own));
+    return own.empty() || (may_be_metres(tail_of(own)) &&
+                           (fits(Role::depth, own) || word == "range" || word.find("distance") != std::string::npos));
 }
 
 /** Whether a channel's names say that it is something else. */
@@ -187,7 +211,7 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
         return {lone, top.empty() ? std::vector<Names>{} : std::vector<Names>{top}, named, others};
     }
     for (const std::string &layer : layers.names())
-        if (!layer.empty() && fits(role, layer))
+        if (!layer.empty() && fits(role, layer) && (role != Role::depth || keeps_depth(layer)))
             put(named, of_layer(layers, layer, role));
     if (is_vector(role)) {
         put(others, layers.triple("", "XYZ"));
@@ -197,8 +221,10 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
         const std::string layer = layer_of(channel);
         // Z beside X and Y is a vector's third axis.
         const bool axis = word_of(tail_of(channel)) == "z" && !layers.triple(layer, "XYZ").empty();
-        if (!axis && (layer.empty() || !fits(role, layer)) && fits(role, tail_of(channel)))
-            // "Z" and "Depth" say it all; a Z of a layer of another name may be mist.
+        // "Depth" says it all; a Z of a layer of another name may be mist.
+        const bool other = role == Role::depth &&
+                           (!may_be_metres(channel) || (word_of(tail_of(channel)) == "z" && !keeps_depth(layer)));
+        if (!axis && !other && (layer.empty() || !fits(role, layer)) && fits(role, tail_of(channel)))
             put(layer.empty() || role != Role::depth ? named : others, {channel});
     }
     std::vector<Names> rest;
@@ -206,7 +232,9 @@ std::vector<std::vector<Names>> candidates(const Names &channels, Role role) {
     for (const std::string &layer : layers.names())
         for (const std::string &channel : layers.opaque(layer))
             opaque.push_back(channel);
-    if (opaque.size() == 1 && !(role == Role::depth && is_named_as_another(opaque.front(), role)))
+    if (opaque.size() == 1 &&
+        (role != Role::depth || (!is_named_as_another(opaque.front(), role) && keeps_depth(layer_of(opaque.front())) &&
+                                 may_be_metres(opaque.front()))))
         rest.push_back(opaque);
     else if (role != Role::depth)
         put(rest, layers.picture(""));
@@ -225,7 +253,40 @@ bool is_of_another(const Layers &layers, const std::string &channel, Role role) 
     if (is_named_as_another(channel, role))
         return true;
     const Names picture = layers.picture(layer_of(channel)), vector = layers.triple(layer_of(channel), "XYZ");
-    return (role != Role::image && contains(picture, channel)) || (!is_vector(role) && contains(vector, channel));
+    const bool colors = picture.size() == 3 || layer_of(channel).empty(); // a Y of a layer may be any number
+    return (role != Role::image && colors && contains(picture, channel)) ||
+           (!is_vector(role) && contains(vector, channel));
+}
+
+/** Three channels whose names differ in their last letter, in the order of meaning: a file sorts R, G, B as B, G, R. */
+std::vector<Names> triples_of(const Names &channels) {
+    std::vector<Names> triples;
+    for (const char *axes : {"xyz", "rgb"})
+        for (const std::string &first : channels) {
+            const std::string stem = first.empty() ? "" : first.substr(0, first.size() - 1);
+            Names found;
+            for (const char *axis = axes; *axis; ++axis)
+                for (const std::string &channel : channels)
+                    if (channel.size() == stem.size() + 1 && channel.compare(0, stem.size(), stem) == 0 &&
+                        std::tolower(static_cast<unsigned char>(channel.back())) == *axis &&
+                        found.size() == static_cast<std::size_t>(axis - axes))
+                        found.push_back(channel);
+            if (found.size() == 3 && found.front() == first)
+                triples.push_back(found);
+        }
+    return triples;
+}
+
+/** Three that may be a vector, rather those whose name says so. */
+std::string vector_example(const Names &channels, Role role) {
+    const char *const own = role == Role::normal ? "norm" : "pos";
+    const std::vector<Names> triples = triples_of(channels);
+    const Names *best = nullptr;
+    for (const Names &triple : triples)
+        if (!best || (word_of(best->front()).find(own) == std::string::npos &&
+                      word_of(triple.front()).find(own) != std::string::npos))
+            best = &triple;
+    return best ? fmt::format("{}", fmt::join(*best, ",")) : "X,Y,Z";
 }
 
 std::string example_of(const Names &names) {
@@ -322,7 +383,7 @@ std::vector<std::string> select_channels(const std::string &path, const std::vec
         if (!is_of_another(layers, *channel, request.role))
             example = *channel;
     if (is_vector(request.role))
-        example = channels.size() < 3 ? "X,Y,Z" : fmt::format("{},{},{}", channels[0], channels[1], channels[2]);
+        example = vector_example(channels, request.role);
     refuse(path, channels, fmt::format("none of its channels is named as {}", said(request.role)), request.role,
            example);
 }

@@ -113,8 +113,9 @@ void check_albedo(Plane &plane, const std::string &name, LightChoice choice, std
         warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1", name, above));
 }
 
-/** Renderers write the largest half or 1e10 where they see nothing. */
-constexpr float no_surface = 65504.0f;
+/** Renderers write the largest half or 1e10 where they see nothing, whatever their unit is. */
+constexpr float largest_half = 65504.0f, renderers_far = 1e10f;
+constexpr float no_surface_m = largest_half;
 /** Far beyond what a laser lights up; millimetres that are taken as metres come out above it. */
 constexpr double far_m = 100.0;
 
@@ -130,9 +131,10 @@ void settle_depth(Plane &plane, const std::string &name, const Config &config, s
     std::vector<float> depths;
     std::size_t negative = 0;
     for (float &value : plane.values) {
-        if (!integers && value >= no_surface)
-            value = std::numeric_limits<float>::infinity();
+        const bool nothing = value == largest_half || value >= renderers_far;
         value = static_cast<float>(value * scale);
+        if (!integers && (nothing || value >= no_surface_m))
+            value = std::numeric_limits<float>::infinity();
         if (value > 0 && std::isfinite(value))
             depths.push_back(value);
         negative += value < 0;
@@ -141,7 +143,8 @@ void settle_depth(Plane &plane, const std::string &name, const Config &config, s
     if (depths.empty()) {
         warnings.push_back(fmt::format("{}: no pixel has a surface: {}", name,
                                        negative > 0 ? "depths are negative; they count from the camera into the scene"
-                                                    : "all depths are 0, infinite or beyond 65504"));
+                                                    : "all depths are 0, infinite or beyond 65504 m; "
+                                                      "--depth-scale gives the unit of the numbers"));
         return;
     }
     const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);

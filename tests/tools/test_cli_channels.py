@@ -183,11 +183,68 @@ def test_what_no_name_tells_is_refused_with_a_name_that_works(ok, refused, scene
         ("albedo", ["Depth.V", "direct", "indirect"], "direct"),
     ],
 )
-def test_the_example_is_no_channel_of_another_kind(refused, scene: Path, plane: str, channels: list[str], example: str) -> None:
+def test_the_example_is_no_channel_of_another_kind(
+    refused, scene: Path, plane: str, channels: list[str], example: str
+) -> None:
     images.exr(scene / "given.exr", {name: visibility() for name in channels})
     planes = {"": ["given.exr", "-o", "out"], "depth": ["--depth", "given.exr", *ARGUMENTS]}
     message = refused("render", *planes.get(plane, ["--depth", "z.npy", f"--{plane}", "given.exr", *ARGUMENTS]))
     assert advice(message) == f"given.exr:{example}"
+
+
+@pytest.mark.parametrize(
+    ("names", "example"),
+    [
+        (["B", "G", "R"], "R,G,B"),
+        (["sh_normal.B", "sh_normal.G", "sh_normal.R"], "sh_normal.R,sh_normal.G,sh_normal.B"),
+        (["B", "G", "R", "shnormal_b", "shnormal_g", "shnormal_r"], "shnormal_r,shnormal_g,shnormal_b"),
+        (["aux.x", "aux.y", "aux.z", "B", "G", "R"], "aux.x,aux.y,aux.z"),
+    ],
+)
+def test_normals_are_offered_in_the_order_of_their_axes(
+    ok, refused, scene: Path, expected: np.ndarray, names: list[str], example: str
+) -> None:
+    """A file sorts its channels by name, so that B comes first; x is in R."""
+    order = example.split(",")
+    planes = {name: visibility() for name in names}
+    planes.update({name: np.ascontiguousarray(normal()[..., i]) for i, name in enumerate(order)})
+    images.exr(scene / "given.exr", planes)
+    message = refused("render", "--depth", "z.npy", "--normal", "given.exr", *ARGUMENTS)
+    assert advice(message) == f"given.exr:{example}"
+    np.testing.assert_array_equal(
+        rendered(ok, scene, *options(depth="z.npy", normal=advice(message)), *CAMERA),
+        expected,
+    )
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "View.Mist.Z",
+        "Light.Z",
+        "inverse_depth.Z",
+        "disparity.Y",
+        "Normal.Z",
+        "disparity",
+        "Mist.left.Z",
+        "normalized_depth",
+    ],
+)
+@pytest.mark.parametrize("alone", [True, False])
+def test_what_is_not_said_to_be_a_depth_is_none_unasked(ok, refused, scene: Path, name: str, alone: bool) -> None:
+    images.exr(scene / "given.exr", {name: depth(), **({} if alone else colors())})
+    message = refused("render", "--depth", "given.exr", *ARGUMENTS)
+    assert "none of its channels is named as a depth" in message and name in message
+    assert name == "Normal.Z" or advice(message) == f"given.exr:{name}"
+    rendered(ok, scene, "--depth", advice(message), *CAMERA)
+
+
+@pytest.mark.parametrize("name", ["Z", "Y", "View.Depth.Z", "range.Z", "distance.Y", "Depth.right.Z", "right.Z"])
+def test_a_lone_depth_needs_no_name(ok, scene: Path, name: str) -> None:
+    images.exr(scene / "given.exr", {name: depth()})
+    np.testing.assert_array_equal(
+        rendered(ok, scene, "--depth", "given.exr", *CAMERA), rendered(ok, scene, "--depth", "z.npy", *CAMERA)
+    )
 
 
 @pytest.mark.parametrize("name", ["Depth.V", "mask", "IndexMA.V"])

@@ -125,7 +125,9 @@ UNKNOWN = {
     "no curve": profile(A2B0=b"mft1" + bytes(44)),
     "cut short": profile(kTRC=b"curv" + bytes(4) + struct.pack(">I", 4000)),
     "another kind": profile(kTRC=b"para" + bytes(4) + struct.pack(">HHI", 9, 0, 65536)),
-    "three curves": profile(rTRC=table(np.array([0, 65535])), gTRC=table(np.array([0, 9, 65535])), bTRC=b"curv" + bytes(8)),
+    "three curves": profile(
+        rTRC=table(np.array([0, 65535])), gTRC=table(np.array([0, 9, 65535])), bTRC=b"curv" + bytes(8)
+    ),
 }
 
 
@@ -193,6 +195,27 @@ def test_backgrounds_are_no_surface(ok, scene: Path, background: float) -> None:
         rendered(ok, scene, "--depth", "background.npy", *CAMERA),
         rendered(ok, scene, "--depth", "nothing.npy", *CAMERA),
     )
+
+
+@pytest.mark.parametrize(("scale", "far"), [(1e-6, 1.0), (0.001, 80.0)])
+def test_depths_end_in_metres_whatever_their_unit_is(ok, scene: Path, scale: float, far: float) -> None:
+    """Micrometres are large numbers, and so are millimetres of a far wall; renderers' background is none of them."""
+    plane = depth()
+    plane[:, 20:] = far
+    plane[:, 30:] = 0
+    np.save(scene / "m.npy", plane)
+    numbers = (plane / scale).astype(np.float32)
+    np.save(scene / "unit.npy", numbers)
+    if scale == 1e-6:
+        told = ok("render", "--depth", "unit.npy", *ARGUMENTS, "--no-preview").err
+        assert "beyond 65504 m; --depth-scale gives the unit of the numbers" in told
+    given = rendered(ok, scene, "--depth", "unit.npy", "--depth-scale", scale, *CAMERA)
+    expected = rendered(ok, scene, "--depth", "m.npy", *CAMERA)
+    assert np.abs(given.astype(int) - expected).max() <= 1 and len(np.unique(given)) > 2
+    for background in (65504.0, 1e10):
+        numbers[:, 30:] = background
+        np.save(scene / "far.npy", numbers)
+        np.testing.assert_array_equal(rendered(ok, scene, "--depth", "far.npy", "--depth-scale", scale, *CAMERA), given)
 
 
 @pytest.mark.parametrize(
@@ -349,7 +372,9 @@ def test_normals_that_face_away_are_named(ok, scene: Path) -> None:
         assert advice and "turned.npy: 1712 of 1712 normals face away from the camera" in told
         assert "the frame has no light" in told
         np.save(scene / "again.npy", np.asarray(eval(advice[1], {"normals": turned}), np.float32))
-        told = ok("render", *surface, "--normal", "again.npy", "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000).err
+        told = ok(
+            "render", *surface, "--normal", "again.npy", "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000
+        ).err
         assert "warning" not in told
 
 
@@ -364,7 +389,9 @@ def test_normals_that_are_stored_as_colors_are_named(ok, refused, scene: Path) -
     assert ok(*command, "--normal", "again.npy").err == ""
     codes = np.rint(65535 * colors).astype(np.uint16)
     np.save(scene / "codes.npy", codes)
-    advice = re.search(r"save (\(normals \* \(2 / 65535\) - 1\)\.astype\(numpy\.float32\))", refused(*command, "--normal", "codes.npy"))
+    advice = re.search(
+        r"save (\(normals \* \(2 / 65535\) - 1\)\.astype\(numpy\.float32\))", refused(*command, "--normal", "codes.npy")
+    )
     assert advice
     np.save(scene / "again.npy", eval(advice[1], {"normals": codes, "numpy": np}))
     assert ok(*command, "--normal", "again.npy").err == ""
@@ -428,7 +455,15 @@ def test_numbers_of_another_type(ok, scene: Path, plane: str) -> None:
     arguments = {
         "ideal image": ["numbers.npy", "-o", "out"],
         "albedo": ["--depth", "z.npy", "--albedo", "numbers.npy", *ARGUMENTS],
-        "pattern": ["--depth", "z.npy", "--pattern", "numbers.npy", *ARGUMENTS[: 2 + len(CAMERA)], *PATTERN[2:], *LASER],
+        "pattern": [
+            "--depth",
+            "z.npy",
+            "--pattern",
+            "numbers.npy",
+            *ARGUMENTS[: 2 + len(CAMERA)],
+            *PATTERN[2:],
+            *LASER,
+        ],
     }[plane]
     for array, told in ((codes.view(np.float32), True), (tails, False)):
         np.save(scene / "numbers.npy", array)
