@@ -103,6 +103,12 @@ struct Change {
     double before = 0.0, after = 0.0;
 };
 
+// Of the first and last quarter.
+Change drift_of(const Series &values) {
+    const std::size_t n = values.size(), quarter = std::max<std::size_t>(1, n / 4);
+    return {true, 0, mean_of(values.data(), quarter), mean_of(values.data() + n - quarter, quarter)};
+}
+
 // Nothing where chance does as well, of frames that know nothing of each other. scatter: the least that they differ by.
 std::optional<Change> find_change(const Series &values, double scatter) {
     const std::size_t n = values.size();
@@ -127,11 +133,50 @@ std::optional<Change> find_change(const Series &values, double scatter) {
     // A step leaves frames that do not wander.
     if ((double(n) - 1.0) * student_two_sided(t, degrees) < kChance && chance_of_wandering(left, scatter) > kAlike)
         return best;
-    if (chance_of_wandering(values, scatter) < kChance) {
-        const std::size_t quarter = std::max<std::size_t>(1, n / 4);
-        return Change{true, 0, mean_of(values.data(), quarter), mean_of(values.data() + n - quarter, quarter)};
+    if (chance_of_wandering(values, scatter) < kChance)
+        return drift_of(values);
+    return std::nullopt;
+}
+
+// P that frames which know nothing of each other follow a course as closely, on a mean and a factor of their own.
+double chance_of_course(const Series &values, const Series &course, double scatter) {
+    const std::size_t n = values.size();
+    const double mean = mean_of(values.data(), n), middle = mean_of(course.data(), n), degrees = double(n) - 2.0;
+    double product = 0.0, square = 0.0, squares = 0.0;
+    for (std::size_t t = 0; t < n; ++t) {
+        product += (values[t] - mean) * (course[t] - middle);
+        square += (course[t] - middle) * (course[t] - middle);
+    }
+    const double slope = product / square;
+    for (std::size_t t = 0; t < n; ++t) {
+        const double rest = values[t] - mean - slope * (course[t] - middle);
+        squares += rest * rest;
+    }
+    const double deviation = std::max(std::sqrt(squares / degrees), scatter);
+    return student_two_sided(slope * std::sqrt(square) / deviation, degrees);
+}
+
+// A line, or what settles: few frames are enough for these, where neighbours that are alike tell nothing yet.
+std::optional<Change> find_course(const Series &values, double scatter) {
+    const std::size_t n = values.size();
+    Series course(n);
+    std::iota(course.begin(), course.end(), 0.0);
+    if (chance_of_course(values, course, scatter) < 0.5 * kChanceOfFrameCourse)
+        return drift_of(values);
+    constexpr int kTimes = 7; // from one frame to eight
+    for (int k = 0; k < kTimes; ++k) {
+        const double frames = std::exp2(0.5 * k);
+        for (std::size_t t = 0; t < n; ++t)
+            course[t] = std::exp(-double(t) / frames);
+        if (chance_of_course(values, course, scatter) < 0.5 / kTimes * kChanceOfFrameCourse)
+            return drift_of(values);
     }
     return std::nullopt;
+}
+
+std::optional<Change> level_change(const Series &levels) {
+    const auto change = find_change(levels, kLevelScatterDn);
+    return change ? change : find_course(levels, kLevelScatterDn);
 }
 
 double gap_limit(std::size_t count) {
@@ -326,13 +371,16 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
         }
         if (most > least_dn)
             say("level_steps", steps, text + ": " + meant);
-    } else if (const auto change = find_change(levels, kLevelScatterDn);
+    } else if (const auto change = level_change(levels);
                independent && change && std::abs(change->after - change->before) > least_dn) {
         if (change->drifts) {
             const std::size_t quarter = std::max<std::size_t>(1, levels.size() / 4);
+            const auto span = [](std::size_t first, std::size_t last) {
+                return first == last ? fmt::format("frame {}", first) : fmt::format("frames {} to {}", first, last);
+            };
             say("level_drifts", {},
-                fmt::format("the level drifts from {:.1f} DN in frames 0 to {} to {:.1f} DN in frames {} to {}: {}",
-                            change->before, quarter - 1, change->after, levels.size() - quarter, levels.size() - 1,
+                fmt::format("the level drifts from {:.1f} DN in {} to {:.1f} DN in {}: {}", change->before,
+                            span(0, quarter - 1), change->after, span(levels.size() - quarter, levels.size() - 1),
                             meant),
                 true);
         } else {

@@ -19,11 +19,13 @@ struct SequenceChange : CaptureWarning {
 // scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without light.
 //
 // A step counts where its t (Student) is rarer than 1e-6 among all places, a drift where neighbouring frames are as
-// rarely so alike, and both where they are larger than 1 % of the level, 2 % of the contrast, 0.02 of the correlation.
-// Resting speckle may boil, so that its frames fluctuate together: of such sequences these are not asked. Two groups of
-// levels, and frames that differ from the one before by more than the others do, count where the gap is as wide as a t
-// of 1e-6, and 8 times the scatter within.
-constexpr double kChanceOfFrameChange = 1e-6;
+// rarely so alike, which takes 14 frames. A level that follows a line (of four frames and more), or settles
+// exponentially within 1 to 8 frames (of eight and more), counts where frames that know nothing of each other do so in
+// 1e-5 of sequences, whatever they flicker by. All count where they are larger than 1 % of the level, 2 % of the
+// contrast, 0.02 of the correlation. Resting speckle may boil, so that its frames fluctuate together: of such sequences
+// these are not asked. Two groups of levels, and frames that differ from the one before by more than the others do,
+// count where the gap is as wide as a t of 1e-6, and 8 times the scatter within.
+constexpr double kChanceOfFrameChange = 1e-6, kChanceOfFrameCourse = 1e-5;
 std::vector<SequenceChange> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
                                        double dark_level_dn);
 

@@ -28,6 +28,7 @@ constexpr double kBlackLevelDn = 8.0, kBlackLevelNoises = 3.0;
 constexpr double kReadNoiseFactor = 2.0; // the data sheet's is good to about 15 %
 // Lamp light falls off and carries noise; neither reaches this contrast.
 constexpr double kSpeckledFlat = 0.4, kEvenBoard = 0.05;
+constexpr double kDimNoises = 8.0; // in dimmer light the shot noise of a few electrons has that contrast, too
 constexpr double kMostMasked = 0.9;
 constexpr std::size_t kSampledDots = 256;
 // Pixels that tell the light between dots, and how much more of it at the border, as a part of the mean light, is a
@@ -79,6 +80,7 @@ class Warnings {
         warnings_.push_back({sequence, std::move(text), kind});
     }
     void dark_frames();
+    double contrast_without_noise(const SequenceSummary &s) const;
     void sequence(const SequenceSummary &s);
     void exposures();
     void motion();
@@ -133,17 +135,27 @@ void Warnings::dark_frames() {
                      *s.temporal_noise_dn, layout_.read_noise_dn));
 }
 
+// What a single frame's noise leaves of the contrast. All that changes in time is noise in dim light; in brighter light
+// only the dark frames' noise is, as speckle in motion changes, too.
+double Warnings::contrast_without_noise(const SequenceSummary &s) const {
+    const double dark = noise_ > 0.0 ? noise_ : layout_.read_noise_dn;
+    const double noise = s.level_above_dark_dn < kDimNoises * dark ? s.temporal_noise_dn.value_or(dark) : dark;
+    const double ratio = noise / s.level_above_dark_dn;
+    return std::sqrt(std::max(0.0, *s.contrast * *s.contrast - ratio * ratio));
+}
+
 void Warnings::sequence(const SequenceSummary &s) {
     if (s.moving && !is_laser(s.scene))
         warn("motion", s.name,
              fmt::format("\"motion\" is \"moving\", but {} shows no motion; it is taken as static",
                          s.scene == CaptureScene::kDark ? "the dark" : "even lamp light"));
-    if (s.scene == CaptureScene::kFlat && s.contrast && *s.contrast > kSpeckledFlat && s.saturated_fraction < 0.01)
+    if (s.scene == CaptureScene::kFlat && s.contrast && contrast_without_noise(s) > kSpeckledFlat &&
+        s.saturated_fraction < 0.01)
         warn("not_a_flat", s.name,
              fmt::format(
                  "its contrast is {:.2f}: even lamp light without speckle has far less. Is it a board or dots in "
                  "laser light?",
-                 *s.contrast));
+                 contrast_without_noise(s)));
     if (s.scene == CaptureScene::kBoard && s.contrast && *s.contrast < kEvenBoard && s.saturated_fraction < 0.01 &&
         s.masked_fraction < kMostMasked)
         warn("not_a_board", s.name,

@@ -87,7 +87,9 @@ def test_effects_of_real_cameras_are_no_contradiction(recorded: dict[str, Array]
     keep = np.exp(-1 / 6)
     for _ in range(FRAMES - 1):
         field.append(keep * field[-1] + np.sqrt(1 - keep**2) * random.normal(size=(2, HEIGHT, WIDTH)))
-    boiling = np.stack([BLACK + 130 * (f**2).sum(axis=0) / 2 for f in field]) + random.normal(0, NOISE, (FRAMES, HEIGHT, WIDTH))
+    boiling = np.stack([BLACK + 130 * (f**2).sum(axis=0) / 2 for f in field]) + random.normal(
+        0, NOISE, (FRAMES, HEIGHT, WIDTH)
+    )
     recorded["board_static"] = np.clip(np.rint(boiling), 0, 1023).astype(np.uint16)
     pale = np.stack([BLACK + 130 * (0.7 + 0.3 * speckle(random)) for _ in range(FRAMES)])
     pale += random.normal(0, NOISE, pale.shape)
@@ -157,7 +159,9 @@ def test_codes_in_the_upper_bits(recorded: dict[str, Array]) -> None:
 def test_dots_that_cannot_be(recorded: dict[str, Array]) -> None:
     assert any("neighbouring dots are 12 px apart, so that they merge" in text for text in warnings(recorded, sigma=30))
     between = [(x + 6, y + 6) for x, y in DOTS]
-    found = [text for text in warnings(recorded, dots=between) if "the light is not where /dots/positions_px says" in text]
+    found = [
+        text for text in warnings(recorded, dots=between) if "the light is not where /dots/positions_px says" in text
+    ]
     assert [text.partition(":")[0] for text in found] == ["dots_static", "dots_moving"]
 
 
@@ -173,6 +177,27 @@ def test_dots_at_the_border(recorded: dict[str, Array]) -> None:
     assert warnings(recorded, dots=[*DOTS, *beyond]) == []
     far = [*DOTS, *beyond, (-20, 10)]
     assert "1 of 29 dots lie so far outside" in "".join(warnings(recorded, dots=far))
+
+
+@pytest.mark.parametrize("gain", [0.1, 2.0])
+def test_dim_flats_are_no_boards(gain: float) -> None:
+    """Noise of 2 DN and that of few electrons is more than such light; speckle of it is still told."""
+    random = np.random.default_rng(12)
+
+    def codes(light: Array | float, read: float = 2.0) -> Array:
+        electrons = random.poisson(np.broadcast_to(np.asarray(light) / gain, (16, HEIGHT, WIDTH)))
+        return np.clip(np.rint(BLACK + gain * electrons + random.normal(0, read, electrons.shape)), 0, 1023).astype(
+            np.uint16
+        )
+
+    dark = codes(0.0)
+    for level in (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0):
+        found = warnings({"dark": dark, "flat": codes(level)}, dots=None, sigma=None, read_noise_dn=2.0)  # type: ignore[arg-type]
+        assert not [text for text in found if "contrast" in text], level
+    moving = [speckle(random) for _ in range(16)]
+    for light in (10 * speckle(random), 100 * speckle(random), 100 * np.stack(moving)):
+        found = warnings({"dark": dark, "flat": codes(light)}, dots=None, sigma=None, read_noise_dn=2.0)  # type: ignore[arg-type]
+        assert [text for text in found if "Is it a board or dots in laser light?" in text]
 
 
 def test_scenes_exchanged(recorded: dict[str, Array]) -> None:
@@ -201,7 +226,10 @@ def test_motion_of_what_cannot_move(recorded: dict[str, Array]) -> None:
 
 def test_saturated_and_masked(recorded: dict[str, Array]) -> None:
     recorded["board_moving"] = np.clip(recorded["board_moving"].astype(int) * 10, 0, 1023).astype(np.uint16)
-    assert any("board_moving: " in text and "at the top code, 1023: the sequence is saturated" in text for text in warnings(recorded))
+    assert any(
+        "board_moving: " in text and "at the top code, 1023: the sequence is saturated" in text
+        for text in warnings(recorded)
+    )
     mask = np.zeros((HEIGHT, WIDTH), np.uint8)
     mask[:2] = 1
     masked = {**recorded, "board_moving": clspeckle.CaptureSequence(recorded["board_static"], scene="board", mask=mask)}

@@ -150,6 +150,58 @@ TEST(FrameChanges, WeakStepsAndDriftsOfALampAreTold) {
                 {"the level"});
 }
 
+// Lines from four frames on, exposures that settle from eight.
+TEST(FrameChanges, DriftsOfFewFramesAreTold) {
+    std::mt19937_64 random(46);
+    // With 4 of noise in 1200 pixels the t of four frames is above its bound in 81 % of draws; 40 give fewer than 20 with
+    // a probability below 1e-5.
+    int told = 0;
+    for (int i = 0; i < 40; ++i)
+        told += said(capture_of(CaptureScene::kFlat, false, 4, random, [](auto t) { return even(1.0 + 0.2 * t); }))
+                    .find("the level drifts") != std::string::npos;
+    EXPECT_GE(told, 20);
+    for (const std::uint32_t frames : {5u, 6u, 8u, 10u, 12u})
+        for (int i = 0; i < 10; ++i) {
+            const double step = i % 2 ? 0.2 : -0.65 / frames;
+            expect_says(capture_of(CaptureScene::kFlat, false, frames, random, [&](auto t) { return even(1.0 + step * t); }),
+                        {"the level drifts", "in frame"});
+            const double times = 1.0 + 0.3 * i; // frames
+            if (frames >= 8)
+                expect_says(capture_of(CaptureScene::kFlat, false, frames, random,
+                                       [&](auto t) { return even(2.0 - 1.2 * std::exp(-double(t) / times)); }),
+                            {"the level"});
+        }
+}
+
+// Flicker of independent frames, of any size and law: at 1e-5 for each sequence, 4800 give more than one alarm with a
+// probability of 0.1 %.
+TEST(FrameChanges, FlickerOfFewFramesIsNoDrift) {
+    std::mt19937_64 random(47);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    int alarms = 0;
+    for (const std::uint32_t frames : {4u, 5u, 8u, 12u})
+        for (const double size : {0.01, 0.05, 0.2})
+            for (int i = 0; i < 200; ++i) {
+                CaptureLayout layout = camera_layout(2, 2);
+                add_sequence(layout, "it", CaptureScene::kFlat, false, frames);
+                for (const bool even_law : {false, true}) {
+                    Capture capture;
+                    capture.layout = layout;
+                    capture.codes.emplace_back();
+                    for (std::uint32_t t = 0; t < frames; ++t) {
+                        const double factor = 1.0 + size * (even_law ? uniform(random) : normal(random));
+                        const double code = kDark + 4.0 * kLight * factor;
+                        for (int pixel = 0; pixel < 4; ++pixel)
+                            capture.codes[0].push_back(static_cast<std::uint16_t>(
+                                std::clamp(std::nearbyint(code + kNoise * normal(random)), 0.0, 1023.0)));
+                    }
+                    alarms += said(capture).find("drifts") != std::string::npos;
+                }
+            }
+    EXPECT_LE(alarms, 1);
+}
+
 TEST(FrameChanges, FramesThatAreNotLikeTheOthersAreTold) {
     std::mt19937_64 random(41);
     expect_says(capture_of(CaptureScene::kBoard, true, 16, random, [&](auto t) { return speckle(random, t % 2 ? 0.01 : 1.0); }),
