@@ -208,14 +208,21 @@ SimulationLevels ReplicateRunner::levels(Simulator &simulator, const CalibratedL
     const double signal = std::max(0.0, shared_->real_levels[sequence].mean_dn -
                                             shared_->real_calibration.black_level_dn - calibrated.black_level_error_dn);
     const double intensity = simulator.mean_intensity(sequence, effects, seed, frame_count);
-    if (!(intensity > 0.0))
+    if (!(intensity > 0.0)) {
+        const SequenceLayout &given = shared_->layout.sequences[sequence];
+        std::string causes;
+        if (given.scene == CaptureScene::kDots)
+            causes += "are its dots inside the image, ";
+        if (!given.mask.empty())
+            causes += "is its mask open where there is light, ";
         // With effects that together block all light the simulator is asked for too much, which is no fault of the
         // capture.
         throw Error(
             effects.empty() ? Status::kInvalidData : Status::kInvalidArgument,
-            fmt::format("no light reaches the pixels of the sequence {} in the simulation; are its dots inside the "
-                        "image and its mask open?",
-                        shared_->layout.sequences[sequence].name));
+            fmt::format("no light reaches the pixels of the sequence {} in the simulation: {}have all of its frames "
+                        "light? clspeckle capture check says what is odd about them",
+                        given.name, causes));
+    }
     result.gain_dn = calibrated.signal_share[sequence] * signal / intensity;
     return result;
 }

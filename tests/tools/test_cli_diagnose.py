@@ -33,6 +33,39 @@ def write_set(folder: Path, ramp_dn: float, bits: int = 10) -> Path:
     return folder
 
 
+def test_frames_without_light_are_no_fault_of_dots_or_masks(ok, refused, tmp_path: Path) -> None:
+    """An emitter that alternates: half of the frames are dark. The set has neither dots nor a mask."""
+    folder = write_set(tmp_path / "set", 0)
+    random = np.random.default_rng(8)
+
+    def speckle() -> np.ndarray:
+        field = np.fft.fft2(random.normal(size=(48, 64)) + 1j * random.normal(size=(48, 64)))
+        pupil = np.hypot(np.fft.fftfreq(48)[:, None], np.fft.fftfreq(64)) < 0.275
+        intensity = np.abs(np.fft.ifft2(field * pupil)) ** 2
+        return intensity / intensity.mean()
+
+    text = json.loads((folder / "capture.json").read_text())
+    del text["sequences"][1]
+    still = speckle()
+    scenes = {"dark": [0 * still] * 16, "static": [still] * 16, "moving": [speckle() for _ in range(16)]}
+    for motion, frames in scenes.items():
+        lit = [175 * frame * (t % 2 == 0) for t, frame in enumerate(frames)]
+        codes = np.clip(np.rint(64 + np.stack(lit) + random.normal(0, 4, (16, 48, 64))), 0, 1023).astype(np.uint16)
+        np.save(folder / f"{motion}.npy", codes)
+        if motion != "dark":
+            text["sequences"].append({"name": motion, "file": f"{motion}.npy", "scene": "board", "motion": motion})
+    (folder / "capture.json").write_text(json.dumps(text))
+    message = refused("diagnose", "set", "--replicates", 12)
+    assert "no light reaches the pixels of the sequence " in message
+    cause = message.split("in the simulation: ")[1]
+    assert "clspeckle capture check says what is odd" in cause and "dots" not in cause and "mask" not in cause
+    told = ok("capture", "check", "set").err
+    assert "static: 8 of 16 frames" in told and "moving: 8 of 16 frames" in told and "take codes[0::2]" in told
+    for motion in ("static", "moving"):
+        np.save(folder / f"{motion}.npy", np.load(folder / f"{motion}.npy")[0::2])
+    assert "have no light" not in ok("capture", "check", "set").err
+
+
 def test_no_gap(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 0)
     run = ok("diagnose", "set", "--json", "report.json", *QUICK)
