@@ -34,7 +34,7 @@ TARGETS = {
 KERNEL = re.compile(r"__kernel\s+(?:GROUP_SIZE\s+)?void\s+(\w+)")
 # Of programs that are built for devices with double precision alone.
 NEEDS_DOUBLE = "OPENCL EXTENSION cl_khr_fp64 : enable"
-GPU_VECTOR_WIDTH = "1"  # of floats, as GPUs say of themselves
+GPU_VECTOR_WIDTH = "2"  # of floats: the least with which a CPU takes lanes, which are then those of a GPU that is forced to
 LANES = re.compile(r"-DLANES=(\d+)")
 GPU_LANES = "4"  # what lanes are where vectors are no wider
 Program = tuple[str, str]  # source and options
