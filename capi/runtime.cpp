@@ -96,7 +96,8 @@ void read(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes, std::u
                  "clEnqueueReadBuffer");
 }
 
-// Intel's CPU runtime hangs where an out-of-order queue dies in its own worker, with the last command that refers to it.
+// Intel's CPU runtime hangs where an out-of-order queue dies in its own worker, with the last command that refers to
+// it.
 void finish_last_use(cl_command_queue queue) {
     cl_uint references = 0;
     cl_command_queue_properties properties = 0;

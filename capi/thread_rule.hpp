@@ -11,8 +11,8 @@
 namespace clsp::capi {
 
 enum class ThreadRule {
-    kAnyThread,  // never changes, or locks by itself
-    kOneWriter,  // any number of threads may read it; object_to_change() is alone
+    kAnyThread, // never changes, or locks by itself
+    kOneWriter, // any number of threads may read it; object_to_change() is alone
     kOneThread,
 };
 

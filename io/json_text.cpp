@@ -39,7 +39,8 @@ JsonText &JsonText::operator[](const std::string &key) {
     if (std::holds_alternative<std::nullptr_t>(value_))
         value_ = Object();
     Object &object = std::get<Object>(value_);
-    const auto found = std::find_if(object.begin(), object.end(), [&](const auto &member) { return member.first == key; });
+    const auto found =
+        std::find_if(object.begin(), object.end(), [&](const auto &member) { return member.first == key; });
     return found != object.end() ? found->second : object.emplace_back(key, JsonText()).second;
 }
 

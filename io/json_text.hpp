@@ -71,7 +71,8 @@ class JsonText {
 
     void append(std::string &text, int indent, int level) const;
 
-    std::variant<std::nullptr_t, bool, std::int64_t, std::uint64_t, double, std::string, Array, Object> value_ = nullptr;
+    std::variant<std::nullptr_t, bool, std::int64_t, std::uint64_t, double, std::string, Array, Object> value_ =
+        nullptr;
 };
 
 /** Text between quotation marks, as JSON has it. */

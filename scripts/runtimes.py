@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Runs the GoogleTest programs on several OpenCL runtimes and says where they agree.
 
 usage: runtimes.py [--runtimes pocl,intel] [--programs test_philox,test_phase] [--limit SECONDS] [--table FILE]

@@ -10,8 +10,8 @@ namespace clsp {
 // "stages/sensor.cl:12:19:". Everything else stays as it is, so that a log with files and lines is the same afterwards.
 std::string with_files_and_lines(const std::string &build_log, const std::string &program_text);
 
-// Whether it speaks of an error in the source. A log that does not is of a failure of the driver's own: PoCL's, where several
-// processes fill a cold cache of its at once.
+// Whether it speaks of an error in the source. A log that does not is of a failure of the driver's own: PoCL's, where
+// several processes fill a cold cache of its at once.
 bool names_an_error(const std::string &build_log);
 
 } // namespace clsp

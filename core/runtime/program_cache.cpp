@@ -156,7 +156,8 @@ cl::Program ProgramCache::get(const std::string &file, const std::string &define
     return program;
 }
 
-cl::Program ProgramCache::build_program(const std::string &file, const std::string &text, const std::string &options) const {
+cl::Program ProgramCache::build_program(const std::string &file, const std::string &text,
+                                        const std::string &options) const {
     for (bool again = false;; again = true) {
         const cl::Program program(context_, text);
         const cl_int code = clBuildProgram(program(), 1, &device_(), options.c_str(), nullptr, nullptr);

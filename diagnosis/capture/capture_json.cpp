@@ -209,9 +209,9 @@ std::string capture_json(const CaptureLayout &layout) {
         root["dots"] = {{"sigma_px", layout.dots->sigma_px}, {"positions_px", layout.dots->positions_px}};
     for (const SequenceLayout &s : layout.sequences) {
         JsonText entry = {{"name", s.name},
-                      {"file", s.name + ".npy"},
-                      {"scene", scene_name(s.scene)},
-                      {"motion", motion_name(s.moving)}};
+                          {"file", s.name + ".npy"},
+                          {"scene", scene_name(s.scene)},
+                          {"motion", motion_name(s.moving)}};
         if (s.exposure_ms)
             entry["exposure_ms"] = *s.exposure_ms;
         if (s.f_number != layout.f_number)

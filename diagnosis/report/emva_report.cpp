@@ -63,7 +63,8 @@ void add_element(std::string &xml, const char *section, const char *name, const 
 } // namespace
 
 JsonText emva_json(const Emva1288 &emva) {
-    JsonText values = JsonText::object(), points = JsonText::array(), illumination = JsonText::array(), notes = JsonText::array();
+    JsonText values = JsonText::object(), points = JsonText::array(), illumination = JsonText::array(),
+             notes = JsonText::array();
     for (const NamedEmvaValue &named : named_values(emva))
         values[named.name] = value_json(named);
     for (const EmvaPoint &point : emva.points) {

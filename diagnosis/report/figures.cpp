@@ -208,37 +208,37 @@ JsonText curve_figure(const CurvePlot &plot) {
     JsonText figure_json = specification(430, 220);
     figure_json["data"] = JsonText::array({{{"name", "curves"}, {"values", values}}});
     JsonText y_scale = {{"name", "y"},
-                    {"type", plot.logarithmic ? "log" : "linear"},
-                    {"domain", {{"data", "curves"}, {"field", "y"}}},
-                    {"range", "height"},
-                    {"nice", !plot.logarithmic}};
+                        {"type", plot.logarithmic ? "log" : "linear"},
+                        {"domain", {{"data", "curves"}, {"field", "y"}}},
+                        {"range", "height"},
+                        {"nice", !plot.logarithmic}};
     if (!plot.logarithmic)
         y_scale["zero"] = plot.from_zero;
     if (!plot.y_domain.empty())
         y_scale["domain"] = plot.y_domain;
     figure_json["scales"] =
         JsonText::array({{{"name", "x"},
-                      {"type", "linear"},
-                      {"domain", {{"data", "curves"}, {"field", "x"}}},
-                      {"range", "width"},
-                      {"zero", false}},
-                     y_scale,
-                     {{"name", "colour"}, {"type", "ordinal"}, {"domain", names}, {"range", colours}},
-                     {{"name", "dash"}, {"type", "ordinal"}, {"domain", names}, {"range", dashes}}});
+                          {"type", "linear"},
+                          {"domain", {{"data", "curves"}, {"field", "x"}}},
+                          {"range", "width"},
+                          {"zero", false}},
+                         y_scale,
+                         {{"name", "colour"}, {"type", "ordinal"}, {"domain", names}, {"range", colours}},
+                         {{"name", "dash"}, {"type", "ordinal"}, {"domain", names}, {"range", dashes}}});
     JsonText y_axis = {{"orient", "left"}, {"scale", "y"}, {"title", plot.y_title}, {"grid", true}, {"tickCount", 5}};
     if (plot.logarithmic)
         y_axis["format"] = "~g";
     figure_json["axes"] =
         JsonText::array({{{"orient", "bottom"}, {"scale", "x"}, {"title", plot.x_title}, {"tickCount", 8}}, y_axis});
     figure_json["legends"] = JsonText::array({{{"stroke", "colour"},
-                                           {"strokeDash", "dash"},
-                                           {"symbolType", "stroke"},
-                                           {"symbolStrokeWidth", 2},
-                                           {"orient", "top"},
-                                           {"direction", "horizontal"},
-                                           {"symbolSize", 300}}});
+                                               {"strokeDash", "dash"},
+                                               {"symbolType", "stroke"},
+                                               {"symbolStrokeWidth", 2},
+                                               {"orient", "top"},
+                                               {"direction", "horizontal"},
+                                               {"symbolSize", 300}}});
     const JsonText x = {{"scale", "x"}, {"field", "x"}}, y = {{"scale", "y"}, {"field", "y"}},
-               colour = {{"scale", "colour"}, {"field", "version"}};
+                   colour = {{"scale", "colour"}, {"field", "version"}};
     JsonText marks = JsonText::array();
     marks.push_back({{"type", "line"},
                      {"from", {{"data", "line"}}},
@@ -256,8 +256,8 @@ JsonText curve_figure(const CurvePlot &plot) {
                          {"encode", {{"enter", {{"x", x}, {"y", y}, {"fill", colour}, {"size", {{"value", 28}}}}}}}});
     figure_json["marks"] =
         JsonText::array({{{"type", "group"},
-                      {"from", {{"facet", {{"name", "line"}, {"data", "curves"}, {"groupby", "version"}}}}},
-                      {"marks", marks}}});
+                          {"from", {{"facet", {{"name", "line"}, {"data", "curves"}, {"groupby", "version"}}}}},
+                          {"marks", marks}}});
     return figure_json;
 }
 
@@ -269,8 +269,8 @@ JsonText stage_map(const DiagnosisResult &result) {
     figure_json["data"] = JsonText::array({cell_table("cells", cells_of(worst, stages))});
     figure_json["scales"] =
         JsonText::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", "width"}},
-                     {{"name", "row"}, {"type", "band"}, {"domain", stages}, {"range", "height"}},
-                     deviation_scale()});
+                         {{"name", "row"}, {"type", "band"}, {"domain", stages}, {"range", "height"}},
+                         deviation_scale()});
     figure_json["axes"] = JsonText::array({row_axis(true), column_axis()});
     figure_json["legends"] = JsonText::array({deviation_legend()});
     figure_json["marks"] = cell_marks("cells");
@@ -286,14 +286,15 @@ JsonText statistic_map(const DiagnosisResult &result, std::size_t rows) {
     const bool has_after = !result.steps.empty();
     const int width = int(46 * sequences.size()), height = int(17 * labels.size());
     JsonText figure_json = specification(has_after ? 2 * width : width, height);
-    figure_json["data"] = JsonText::array({cell_table("before", cells_of(worst_of(result, &GapPlace::z, row_of), labels))});
+    figure_json["data"] =
+        JsonText::array({cell_table("before", cells_of(worst_of(result, &GapPlace::z, row_of), labels))});
     if (has_after)
         figure_json["data"].push_back(
             cell_table("after", cells_of(worst_of(result, &GapPlace::z_after, row_of), labels)));
     figure_json["scales"] =
         JsonText::array({{{"name", "column"}, {"type", "band"}, {"domain", sequences}, {"range", {0, width}}},
-                     {{"name", "row"}, {"type", "band"}, {"domain", labels}, {"range", {0, height}}},
-                     deviation_scale()});
+                         {{"name", "row"}, {"type", "band"}, {"domain", labels}, {"range", {0, height}}},
+                         deviation_scale()});
     figure_json["legends"] = JsonText::array({deviation_legend()});
     JsonText panels = JsonText::array();
     for (const bool is_after : {false, true}) {
@@ -328,9 +329,9 @@ JsonText ranking_figure(const DiagnosisResult &result) {
     }
     JsonText figure_json = specification(420, int(24 * std::max<std::size_t>(1, names.size())));
     figure_json["data"] = JsonText::array({{{"name", "effects"}, {"values", values}}});
-    figure_json["scales"] =
-        JsonText::array({{{"name", "x"}, {"type", "linear"}, {"domain", {0, 1}}, {"range", "width"}},
-                     {{"name", "row"}, {"type", "band"}, {"domain", names}, {"range", "height"}, {"padding", 0.25}}});
+    figure_json["scales"] = JsonText::array(
+        {{{"name", "x"}, {"type", "linear"}, {"domain", {0, 1}}, {"range", "width"}},
+         {{"name", "row"}, {"type", "band"}, {"domain", names}, {"range", "height"}, {"padding", 0.25}}});
     figure_json["axes"] = JsonText::array(
         {{{"orient", "bottom"}, {"scale", "x"}, {"title", "probability among the effects compared"}, {"grid", true}},
          row_axis(true)});
@@ -387,16 +388,16 @@ JsonText waterfall_figure(const DiagnosisResult &result) {
     figure_json["data"] = JsonText::array({{{"name", "steps"}, {"values", values}}});
     figure_json["scales"] =
         JsonText::array({{{"name", "x"}, {"type", "band"}, {"domain", names}, {"range", "width"}, {"padding", 0.3}},
-                     {{"name", "y"},
-                      {"type", "linear"},
-                      {"domain", {{"data", "steps"}, {"field", "high"}}},
-                      {"range", "height"},
-                      {"zero", true},
-                      {"nice", true}},
-                     {{"name", "colour"},
-                      {"type", "ordinal"},
-                      {"domain", {"total", "less", "more"}},
-                      {"range", {"#777777", "#0072B2", "#D55E00"}}}});
+                         {{"name", "y"},
+                          {"type", "linear"},
+                          {"domain", {{"data", "steps"}, {"field", "high"}}},
+                          {"range", "height"},
+                          {"zero", true},
+                          {"nice", true}},
+                         {{"name", "colour"},
+                          {"type", "ordinal"},
+                          {"domain", {"total", "less", "more"}},
+                          {"range", {"#777777", "#0072B2", "#D55E00"}}}});
     figure_json["axes"] = JsonText::array(
         {{{"orient", "bottom"}, {"scale", "x"}, {"labelAngle", -25}, {"labelAlign", "right"}, {"labelLimit", 160}},
          {{"orient", "left"},

@@ -3,6 +3,7 @@
 #include "test_support.hpp"
 
 #include <atomic>
+#include <chrono>
 #include <thread>
 
 namespace {
@@ -179,9 +180,11 @@ TEST(Concurrency, ASecondThreadIsRefused) {
             waited = clspPipelineCheck(pipeline, stages.queue);
         while (waited == CLSP_ERROR_INVALID_STATE);
     });
-    while (clspPipelineClearEffect(pipeline, nullptr) == CLSP_SUCCESS)
+    const auto late = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (clspPipelineClearEffect(pipeline, nullptr) == CLSP_SUCCESS && std::chrono::steady_clock::now() < late)
         std::this_thread::yield();
-    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "pipeline is in use by another call", clspPipelineClearEffect(pipeline, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "pipeline is in use by another call",
+                      clspPipelineClearEffect(pipeline, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "sensor is in use", clspSensorSetExposureGain(stages.sensor, 2.0));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STATE, "phase is in use",
                       clspPipelineEnqueueFrame(sharing, stages.queue, &frame, 0, nullptr, nullptr));

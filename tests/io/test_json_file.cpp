@@ -182,6 +182,24 @@ TEST(JsonFile, TakesTimeThatIsLinear) {
         EXPECT_LT(seconds_of_work(large), 10 * seconds_of_work(small) + 0.05) << large.substr(0, 30);
 }
 
+// How many allocations of work() fail, each in a run of its own.
+template <typename Work> long failed_allocations(bool for_good, Work work) {
+    long failed = 0;
+    for (long n = 0; failed == n; ++n) {
+        try {
+            fails_for_good = for_good;
+            allocations_left = n;
+            work();
+        } catch (const std::bad_alloc &) {
+            ++failed;
+        } catch (const image_io::JsonError &) {
+            // What a whole run says of it, too.
+        }
+        allocations_left = -1;
+    }
+    return failed;
+}
+
 // Json's own destructor allocates, and must not throw.
 TEST(JsonFile, SurvivesEveryAllocationThatFails) {
     std::string text =
@@ -190,25 +208,12 @@ TEST(JsonFile, SurvivesEveryAllocationThatFails) {
     const std::string twice = text.substr(0, text.size() - 1) + ", \"d\": 1}", cut = text.substr(0, text.size() - 2);
     for (const std::string &json : {text, twice, cut})
         for (const bool for_good : {false, true}) {
-            long failed = 0;
-            for (long n = 0; failed == n; ++n) {
-                try {
-                    fails_for_good = for_good;
-                    allocations_left = n;
-                    {
-                        const JsonDocument read = parse_json(json, "it.json");
-                        if (allocations_left > 0)
-                            allocations_left = 0; // nor has the destructor any
-                        fails_for_good = true;
-                    }
-                    allocations_left = -1;
-                } catch (const std::bad_alloc &) {
-                    allocations_left = -1;
-                    ++failed;
-                } catch (const image_io::JsonError &) {
-                    allocations_left = -1;
-                }
-            }
+            const long failed = failed_allocations(for_good, [&] {
+                const JsonDocument read = parse_json(json, "it.json");
+                if (allocations_left > 0)
+                    allocations_left = 0; // nor has the destructor any
+                fails_for_good = true;
+            });
             EXPECT_GT(failed, 20) << json;
         }
 }
@@ -254,20 +259,9 @@ TEST(JsonText, HasWhatJsonCannotHold) {
 TEST(JsonText, SurvivesEveryAllocationThatFails) {
     const std::string expected = written().text(1);
     for (const bool for_good : {false, true}) {
-        long failed = 0;
-        for (long n = 0; failed == n; ++n) {
-            try {
-                fails_for_good = for_good;
-                allocations_left = n;
-                const std::string text = written().text(1);
-                allocations_left = -1;
-                EXPECT_EQ(text, expected);
-            } catch (const std::bad_alloc &) {
-                allocations_left = -1;
-                ++failed;
-            }
-        }
-        EXPECT_GT(failed, 300);
+        std::string text;
+        EXPECT_GT(failed_allocations(for_good, [&] { text = written().text(1); }), 300);
+        EXPECT_EQ(text, expected);
     }
 }
 

@@ -9,8 +9,8 @@
 
 namespace clsp {
 
-// Whether random numbers may be drawn in lanes. Only on CPUs with vectors, whatever is forced: NVIDIA's compiler (580.159) gets some
-// of what is made of products of 64 bits in vectors wrong.
+// Whether random numbers may be drawn in lanes. Only on CPUs with vectors, whatever is forced: NVIDIA's compiler
+// (580.159) gets some of what is made of products of 64 bits in vectors wrong.
 inline bool draws_in_lanes(const Context &context) {
     return own_engine(context.device()) == EngineKind::kCpu;
 }

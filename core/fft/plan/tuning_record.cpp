@@ -165,7 +165,7 @@ double rounded_ms(double value) {
 
 JsonText json_of(const TunedSize &size) {
     JsonText json = {{"width", size.width},   {"height", size.height}, {"relative_diameter", size.relative_diameter},
-                 {"frames", size.frames}, {"date", size.date},     {"clspeckle_version", size.version}};
+                     {"frames", size.frames}, {"date", size.date},     {"clspeckle_version", size.version}};
     json["chosen"] = JsonText::object();
     put(json["chosen"], size.chosen);
     json["reason"] = size.reason;
