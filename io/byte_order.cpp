@@ -18,6 +18,8 @@ double middle_range(std::vector<std::uint64_t> &numbers) {
     std::sort(numbers.begin(), numbers.end());
     return static_cast<double>(numbers[3 * numbers.size() / 4] - numbers[numbers.size() / 4]);
 }
+// Codes of 10 to 14 bits have less than this in their upper bytes.
+constexpr std::uint64_t most_upper = 64;
 constexpr double least_half = 6.103515625e-5; // that is not subnormal
 
 } // namespace
@@ -68,8 +70,16 @@ std::uint64_t WholeNumbers::largest(bool if_swapped) const {
     return largest;
 }
 
+bool WholeNumbers::is_shifted() const {
+    if (bytes_ != 2 || numbers_.empty())
+        return false;
+    const std::uint64_t lower = *numbers_.begin() & 255;
+    return lower >= most_upper && std::all_of(numbers_.begin(), numbers_.end(),
+                                              [lower](std::uint64_t number) { return (number & 255) == lower; });
+}
+
 unsigned WholeNumbers::bits_if_swapped() const {
-    const std::uint64_t most = closer_if_swapped() ? largest(true) : 0;
+    const std::uint64_t most = closer_if_swapped() && !is_shifted() ? largest(true) : 0;
     return most > 255 && most <= 65535 ? enough_bits(most) : 0;
 }
 
@@ -79,7 +89,7 @@ SwappedWords swapped_among(const std::vector<WholeNumbers> &lots) {
     for (const WholeNumbers &lot : lots) {
         sure = sure || lot.bits_if_swapped() > 0;
         some = some || lot.closer_if_swapped();
-        all = all && lot.closer_if_swapped();
+        all = all && lot.closer_if_swapped(few);
     }
     // Codes of 8 bits in the upper halves of their words look so, too; but a camera has them everywhere.
     if (!sure && (all || !some))

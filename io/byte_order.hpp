@@ -37,6 +37,9 @@ class WholeNumbers {
 
   private:
     std::uint64_t swapped(std::uint64_t number) const;
+    /** True for codes of 8 bits in the upper halves of words whose lower halves are all the same. Swapped ones would
+     * all be of one 256th of the range of 16 bits, with another number above. */
+    bool is_shifted() const;
 
     std::size_t bytes_;
     std::vector<bool> seen_; // of 2 bytes, of which there may be many

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace clsp {
 namespace {
@@ -51,11 +52,40 @@ std::optional<CodeLattice> fit(const std::vector<std::uint16_t> &codes, double s
     if (width(step) > 1.0 + 1e-6)
         return std::nullopt;
     CodeLattice lattice{step, 0.5 * (least + most), codes.size(), codes.front(), codes.back()};
-    lattice.offset -= lattice.step * std::round(lattice.offset / lattice.step);
+    lattice.offset = nearest_offset(lattice);
     return lattice;
 }
 
+// Whether codes that are missing were brought to a neighbour, which then occurs about twice as often as a density that
+// noise blurs lets it: a converter or a table does so, and no gain. Of all missing codes together.
+bool brought_to_neighbours(const std::vector<std::uint64_t> &histogram, const std::vector<std::uint16_t> &missing,
+                           double noise_dn) {
+    const double curved = std::exp(1.0 / (noise_dn * noise_dn)); // at a third of three steps on a Gaussian
+    for (const int side : {-1, 1}) {
+        double count = 0.0, usual = 0.0;
+        for (const std::uint16_t code : missing) {
+            const auto at = [&](int steps) {
+                const auto c = std::ptrdiff_t(code) + side * steps;
+                return c < 0 || c >= std::ptrdiff_t(histogram.size()) ? 0.0 : double(histogram[std::size_t(c)]);
+            };
+            const double far = at(2), across = at(-1);
+            if (far <= 0.0 || across <= 0.0)
+                continue;
+            count += at(1);
+            usual += std::exp((2.0 * std::log(far) + std::log(across)) / 3.0);
+        }
+        const double most = kDoubled * curved * usual;
+        if (count - most > kDeviations * std::sqrt(count + kDoubled * most))
+            return true;
+    }
+    return false;
+}
+
 } // namespace
+
+double nearest_offset(const CodeLattice &lattice) {
+    return lattice.offset - lattice.step * std::ceil(lattice.offset / lattice.step - 0.5);
+}
 
 std::vector<std::uint16_t> usual_codes(const std::vector<std::uint64_t> &histogram) {
     std::vector<std::uint16_t> codes;
@@ -78,6 +108,13 @@ std::vector<std::uint16_t> usual_codes(const std::vector<std::uint64_t> &histogr
     codes.erase(std::remove_if(codes.begin(), codes.end(), [&](std::uint16_t code) { return histogram[code] < least; }),
                 codes.end());
     return codes;
+}
+
+std::uint32_t least_step(const std::vector<std::uint16_t> &codes) {
+    std::uint32_t least = 65536;
+    for (std::size_t i = 1; i < codes.size(); ++i)
+        least = std::min(least, std::uint32_t{codes[i]} - codes[i - 1]);
+    return least > 65535 ? 1 : least;
 }
 
 std::optional<CodeLattice> find_lattice(const std::vector<std::uint16_t> &codes) {
@@ -116,6 +153,33 @@ unsigned common_shift(const std::vector<std::uint16_t> &codes, bool gaps) {
     while (shift > 0 && std::ldexp(1.0, -int(shift * (codes.size() - 1))) > most)
         --shift;
     return shift;
+}
+
+CodePile find_pile(const std::vector<std::uint64_t> &histogram) {
+    constexpr std::size_t kBlocks = 16, kWidest = 16; // blocks of codes below, and codes in each
+    std::size_t last = histogram.size();
+    while (last > 0 && histogram[last - 1] == 0)
+        --last;
+    if (last-- == 0)
+        return {};
+    const double count = double(histogram[last]);
+    for (std::size_t width = 1; width <= kWidest && last >= kBlocks * width; width *= 2) {
+        std::size_t occupied = 0;
+        double most = 0.0;
+        for (std::size_t block = 1; block <= kBlocks; ++block) {
+            const auto first = histogram.begin() + std::ptrdiff_t(last - block * width);
+            const double sum = std::accumulate(first, first + std::ptrdiff_t(width), 0.0);
+            occupied += sum > 0.0 ? 1 : 0;
+            most = std::max(most, sum);
+        }
+        if (2 * occupied < kBlocks)
+            continue; // light is rarer there
+        most *= kDoubled;
+        if (count - most > kDeviations * std::sqrt(count + kDoubled * most))
+            return {static_cast<std::uint16_t>(last), histogram[last]};
+        return {};
+    }
+    return {};
 }
 
 CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn) {
@@ -164,7 +228,8 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
     if (result.doubled.size() < kLeastDoubled)
         result.doubled.clear();
     if (!result.missing.empty() && result.occurring.size() > 2)
-        if (const auto lattice = fit(result.occurring, 0.0, true); lattice && lattice->step < 2.0)
+        if (const auto lattice = fit(result.occurring, 0.0, true);
+            lattice && lattice->step < 2.0 && !brought_to_neighbours(histogram, result.missing, noise_dn))
             result.lattice = lattice;
     return result;
 }

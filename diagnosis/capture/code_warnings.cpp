@@ -55,7 +55,7 @@ std::optional<CodeLattice> refined(const CodeLattice &lattice, const std::vector
     }
     if (double(most) < kOnLattice * double(codes.size()))
         return std::nullopt;
-    best.offset -= best.step * std::round(best.offset / best.step);
+    best.offset = nearest_offset(best);
     return best;
 }
 
@@ -204,6 +204,50 @@ std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t 
         gaps.doubled.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.doubled));
 }
 
+// Of codes that are all apart from each other: multiples of a power of two, or stretched otherwise.
+std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string &sequence,
+                                         const std::vector<std::uint16_t> &codes, bool gaps, std::uint32_t largest) {
+    const unsigned shift = common_shift(codes, gaps);
+    const auto lattice = find_lattice(codes);
+    // Multiples of a number are on that of twice the number, too, with half of it as an offset.
+    if (shift > 0 && !(lattice && lattice->step > std::ldexp(1.5, int(shift))))
+        return CaptureWarning{sequence, upper_bits(camera, shift), "upper_bits"};
+    if (!lattice)
+        return std::nullopt;
+    // Codes at the ends of steps, not at their beginnings, would be one too many.
+    CodeLattice told = *lattice;
+    const double last = (camera.layout.maximum_code() - told.offset) / told.step;
+    if (told.offset < 0.0 && std::abs(last - std::exp2(std::round(std::log2(last)))) < 0.01)
+        told.offset += told.step;
+    return CaptureWarning{sequence, stretched(camera, told, largest), "stretched_codes"};
+}
+
+// Sequences that are clipped at a code below the top one.
+std::optional<CaptureWarning> clipped_below_top(const CaptureLayout &layout, const std::vector<SequenceScan> &scans) {
+    std::vector<std::string> names;
+    std::size_t most = scans.size();
+    const auto part = [&](std::size_t s) {
+        return double(scans[s].pile.count) / (double(scans[s].pixels) * double(scans[s].frames.size()));
+    };
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        if (scans[i].pile.count > 0) {
+            names.push_back(layout.sequences[i].name);
+            if (most == scans.size() || part(i) > part(most))
+                most = i;
+        }
+    if (most == scans.size())
+        return std::nullopt;
+    const bool one = names.size() == 1;
+    return CaptureWarning{
+        one ? names.front() : "",
+        (one ? "" : fmt::format("in {}, of which {}: ", fmt::join(names, ", "), layout.sequences[most].name)) +
+            fmt::format("{:.2g} % of the pixels have the code {}, far more than any just below, and none has a larger "
+                        "one: codes are clipped there, below the top code, {}. Expose less, so that none reaches it: "
+                        "only pixels at the top code are known as saturated",
+                        100.0 * part(most), scans[most].pile.code, layout.maximum_code()),
+        "clipped_below_top"};
+}
+
 } // namespace
 
 std::optional<CaptureWarning> swapped_bytes(const CaptureLayout &layout, const std::vector<SequenceScan> &scans) {
@@ -243,46 +287,50 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
         varied = varied || summaries[i].minimum != summaries[i].maximum;
     }
     const std::vector<std::uint16_t> all(together.begin(), together.end());
-    if (const unsigned shift = common_shift(all); shift > 0) {
-        warnings.push_back({"", upper_bits(camera, shift), "upper_bits"});
+    if (auto warning = on_lattice(camera, "", all, false, largest)) {
+        warnings.push_back(std::move(*warning));
         return warnings;
     }
-    if (const auto lattice = find_lattice(all)) {
-        warnings.push_back({"", stretched(camera, *lattice, largest), "stretched_codes"});
-        return warnings;
+    // What several sequences show is told once, with the numbers of the one that shows most. Few codes may be multiples
+    // of a number by the same table that others miss codes by.
+    std::vector<CodeGaps> gaps;
+    for (const SequenceScan &scan : scans) {
+        gaps.push_back(scan.gaps);
+        auto &lattice = gaps.back().lattice;
+        if (lattice)
+            lattice = refined(*lattice, all);
+        if (lattice)
+            lattice = told_apart(*lattice, scans, all);
     }
-    // What several sequences show is told once, with the numbers of the one that shows most.
-    std::string sequences;
+    std::vector<std::string> names;
+    std::vector<CaptureWarning> alone;
     std::size_t most = scans.size();
     for (std::size_t i = 0; i < scans.size(); ++i) {
         const std::string &name = summaries[i].name;
-        if (const unsigned shift = common_shift(scans[i].codes, !scans[i].gaps.missing.empty()); shift > 0) {
-            warnings.push_back({name, upper_bits(camera, shift), "upper_bits"});
-        } else if (const auto lattice = find_lattice(scans[i].codes)) {
-            warnings.push_back({name, stretched(camera, *lattice, scans[i].maximum), "stretched_codes"});
-        } else if (const CodeGaps &gaps = scans[i].gaps; !gaps.missing.empty() || !gaps.doubled.empty()) {
-            sequences += (sequences.empty() ? "" : ", ") + name;
+        if (auto warning = on_lattice(camera, name, scans[i].codes, !gaps[i].missing.empty(), scans[i].maximum)) {
+            names.push_back(name);
+            alone.push_back(std::move(*warning));
+        } else if (!gaps[i].missing.empty() || !gaps[i].doubled.empty()) {
+            names.push_back(name);
             const auto rank = [&](std::size_t s) {
-                return std::pair(scans[s].gaps.lattice.has_value(),
-                                 scans[s].gaps.missing.size() + scans[s].gaps.doubled.size());
+                return std::pair(gaps[s].lattice.has_value(), gaps[s].missing.size() + gaps[s].doubled.size());
             };
             if (most == scans.size() || rank(i) > rank(most))
                 most = i;
         }
     }
-    if (most < scans.size()) {
-        const bool one = sequences == summaries[most].name;
-        CodeGaps gaps = scans[most].gaps;
-        if (gaps.lattice)
-            gaps.lattice = refined(*gaps.lattice, all);
-        if (gaps.lattice)
-            gaps.lattice = told_apart(*gaps.lattice, scans, all);
-        warnings.push_back({one ? sequences : "",
-                            (one ? "" : fmt::format("in {}, of which {}: ", sequences, summaries[most].name)) +
-                                gaps_text(camera, gaps, largest),
-                            gaps.lattice           ? "stretched_codes"
-                            : gaps.missing.empty() ? "doubled_codes"
-                                                   : "missing_codes"});
+    if (most == scans.size()) {
+        for (CaptureWarning &warning : alone)
+            warnings.push_back(std::move(warning));
+    } else {
+        const bool one = names.size() == 1;
+        warnings.push_back(
+            {one ? names.front() : "",
+             (one ? "" : fmt::format("in {}, of which {}: ", fmt::join(names, ", "), summaries[most].name)) +
+                 gaps_text(camera, gaps[most], largest),
+             gaps[most].lattice           ? "stretched_codes"
+             : gaps[most].missing.empty() ? "doubled_codes"
+                                          : "missing_codes"});
     }
     // Light that stays in the lowest quarter of the range: with the right exposure the brightest speckle comes near the
     // top code.
@@ -295,6 +343,8 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
                                         "set bits to {}, or saturation is overlooked; if not, expose more",
                                         largest_of_all, layout.bits, used, used),
                             "unused_bits"});
+    else if (auto clipped = clipped_below_top(layout, scans); clipped && warnings.empty())
+        warnings.push_back(std::move(*clipped));
     return warnings;
 }
 

@@ -135,7 +135,7 @@ std::vector<float> counted(const Map &map, const std::vector<float> &values) {
 }
 
 // Below which variance none of the pixels would lie by chance; none where that cannot be told.
-std::optional<double> least_variance(const Map &map) {
+std::optional<double> least_variance(const Map &map, std::uint32_t step_dn) {
     std::vector<float> all = counted(map, map.variance);
     if (all.size() < 2)
         return std::nullopt;
@@ -143,7 +143,7 @@ std::optional<double> least_variance(const Map &map) {
     std::nth_element(all.begin(), tenth, all.end());
     const double quiet = *tenth, degrees = map.frames - 1.0, chance = kChanceOfFinding / double(all.size());
     // That all codes of a pixel are the same one, the most probable one.
-    const double deviation = std::sqrt(quiet);
+    const double deviation = std::sqrt(quiet) / step_dn;
     if (deviation < 0.5 || std::pow(0.4 / deviation, degrees) > chance)
         return std::nullopt;
     // The lower tail of chi-square, by its first term: (d r / 2)^(d / 2) / Gamma(d / 2 + 1).
@@ -328,7 +328,7 @@ PixelOddities find_oddities(const PixelSums &pixels) {
         result.columns = lines_apart(map, false);
     }
     if (even || (scene == CaptureScene::kBoard && pixels.sequence.moving))
-        if (const auto least = least_variance(map))
+        if (const auto least = least_variance(map, pixels.step_dn))
             for (std::size_t i = 0; i < map.variance.size(); ++i)
                 if (map.counts(i) && map.variance[i] < *least && map.mean[i] < pixels.layout.maximum_code())
                     result.pixels.push_back({static_cast<std::uint32_t>(i), PixelOddity::stuck});

@@ -16,6 +16,7 @@ struct PixelSums {
     const SequenceLayout &sequence;
     const std::vector<std::uint32_t> &sums;
     const std::vector<std::uint64_t> &squares;
+    std::uint32_t step_dn = 1; // that codes are apart at least
 };
 
 enum class PixelOddity : std::uint8_t { bright, dark, stuck, restless };

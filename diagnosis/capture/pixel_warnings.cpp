@@ -3,7 +3,9 @@
 #include "capture/pixel_oddities.hpp"
 
 #include <algorithm>
+#include <array>
 #include <fmt/format.h>
+#include <optional>
 #include <string>
 
 namespace clsp {
@@ -50,6 +52,54 @@ std::string text_of(const OddPlaces &places) {
     if (places.blocks.size() > kMost)
         parts.push_back(fmt::format("{} more blocks", places.blocks.size() - kMost));
     return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+// Sites that differ are of the sensor: all sequences tell together which one is the brightest.
+std::optional<CaptureWarning> mosaic_warning(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
+                                             const DarkLevel &dark) {
+    std::vector<std::string> names;
+    std::array<double, 4> sites{}; // by the light of each sequence
+    std::size_t most = scans.size();
+    double contrast = 0.0;
+    bool finer = false;
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+        if (!scans[i].oddities || scans[i].oddities->mosaic.empty())
+            continue;
+        const Mosaic &mosaic = scans[i].oddities->mosaic.front();
+        double light = -dark.level_dn;
+        for (const double level : mosaic.levels)
+            light += 0.25 * level;
+        if (mosaic.contrast < kLeastMosaic * light)
+            continue;
+        names.push_back(layout.sequences[i].name);
+        for (std::size_t k = 0; k < sites.size(); ++k)
+            sites[k] += (mosaic.levels[k] - dark.level_dn) / light;
+        if (mosaic.contrast / light > contrast) {
+            contrast = mosaic.contrast / light;
+            most = i;
+        }
+        finer = finer || 2.0 * layout.pixel_pitch_m > layout.wavelength_m * layout.sequences[i].f_number;
+    }
+    if (most == scans.size())
+        return std::nullopt;
+    const bool has_laser = std::any_of(layout.sequences.begin(), layout.sequences.end(),
+                                       [](const SequenceLayout &s) { return is_laser(s.scene); });
+    const Mosaic &mosaic = scans[most].oddities->mosaic.front();
+    const auto brightest = std::max_element(sites.begin(), sites.end()) - sites.begin();
+    const bool one = names.size() == 1;
+    return CaptureWarning{
+        one ? names.front() : "",
+        (one ? "" : fmt::format("in {}, of which {}: ", fmt::join(names, ", "), layout.sequences[most].name)) +
+            fmt::format(
+                "the four sites of 2 x 2 pixels have levels of {3:.1f}, {4:.1f}, {5:.1f} and {6:.1f} DN (top left, "
+                "top right, bottom left, bottom right): the filters of a colour camera, or converters of their "
+                "own for rows or columns. Take one site, codes[:, {0}::2, {1}::2], with half the width and height "
+                "and twice pixel_pitch_um; places in pixels become (x - {1}) / 2 and (y - {0}) / 2, sigma_px its "
+                "half{2}",
+                brightest / 2, brightest % 2,
+                finer && has_laser ? ". Speckle is finer than such pixels, which is a warning of its own" : "",
+                mosaic.levels[0], mosaic.levels[1], mosaic.levels[2], mosaic.levels[3]),
+        "mosaic"};
 }
 
 } // namespace
@@ -108,32 +158,8 @@ std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const st
                                    first % layout.width, first / layout.width, where, kHow);
         warnings.push_back(std::move(warning));
     }
-    const bool has_laser = std::any_of(layout.sequences.begin(), layout.sequences.end(),
-                                       [](const SequenceLayout &s) { return is_laser(s.scene); });
-    for (std::size_t i = 0; i < scans.size(); ++i) {
-        if (!scans[i].oddities || scans[i].oddities->mosaic.empty())
-            continue;
-        const Mosaic &mosaic = scans[i].oddities->mosaic.front();
-        double light = -dark.level_dn;
-        for (const double level : mosaic.levels)
-            light += 0.25 * level;
-        if (mosaic.contrast < kLeastMosaic * light)
-            continue;
-        const bool finer = 2.0 * layout.pixel_pitch_m > layout.wavelength_m * layout.sequences[i].f_number && has_laser;
-        const auto brightest = std::max_element(mosaic.levels.begin(), mosaic.levels.end()) - mosaic.levels.begin();
-        warnings.push_back(
-            {layout.sequences[i].name,
-             fmt::format(
-                 "the four sites of 2 x 2 pixels have levels of {3:.1f}, {4:.1f}, {5:.1f} and {6:.1f} DN (top left, "
-                 "top right, bottom left, bottom right): the filters of a colour camera, or converters of their "
-                 "own for rows or columns. Take one site, codes[:, {0}::2, {1}::2], with half the width and height "
-                 "and twice pixel_pitch_um; places in pixels become (x - {1}) / 2 and (y - {0}) / 2, sigma_px its "
-                 "half{2}",
-                 brightest / 2, brightest % 2,
-                 finer ? ". Speckle is finer than such pixels, which is a warning of its own" : "", mosaic.levels[0],
-                 mosaic.levels[1], mosaic.levels[2], mosaic.levels[3]),
-             "mosaic"});
-    }
+    if (auto mosaic = mosaic_warning(layout, scans, dark))
+        warnings.push_back(std::move(*mosaic));
     return warnings;
 }
 

@@ -150,13 +150,17 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
             if (!mask || mask[i] != 0)
                 total += double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames);
         if (rows == layout.height)
-            scan.oddities = std::make_shared<const PixelOddities>(find_oddities({layout, of, sums, squares}));
+            scan.oddities = std::make_shared<const PixelOddities>(
+                find_oddities({layout, of, sums, squares, least_step(usual_codes(histogram))}));
         if (first == 0)
             for (std::size_t i = 0; i < pixels; ++i)
                 if (!mask || mask[i] != 0)
                     variances.push_back(float(double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames)));
     }
+    const bool reaches_top = histogram[top] > 0;
     histogram[0] = histogram[top] = 0; // what clips says nothing of its neighbours
+    if (!reaches_top)
+        scan.pile = find_pile(histogram);
     scan.codes = usual_codes(histogram);
     if (frames > 1 && !(of.moving && is_laser(of.scene)))
         scan.gaps = find_gaps(histogram, noise_of_quiet_pixels(variances, frames));

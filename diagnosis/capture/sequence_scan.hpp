@@ -31,12 +31,13 @@ struct SequenceScan {
     std::uint64_t pixels = 0; // that are not masked, of one frame
     std::uint64_t saturated = 0, zero = 0;
     std::uint32_t minimum = 65535, maximum = 0;
-    double temporal_variance = 0.0; // mean over pixels of the unbiased variance over frames
-    std::uint16_t largest = 0;      // code, of masked pixels, too
+    double temporal_variance = 0.0;   // mean over pixels of the unbiased variance over frames
+    std::uint16_t largest = 0;        // code, of masked pixels, too
     std::vector<std::uint16_t> codes; // that occur, but for the rarest and those that clip (code_spacing.hpp)
     CodeGaps gaps;                    // of scenes at rest
+    CodePile pile;
     std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
-    std::vector<std::uint32_t> sums; // of dots: by pixel, masked or not, over all frames
+    std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };
 
 // progress: what part is done. Takes up to 48 bytes for each pixel of a frame, and no more than 1 GB.

@@ -7,14 +7,13 @@ import difflib
 import math
 import operator
 import os
-import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _library, errors
+from . import _doubts, _library, errors
 
 FLOAT32_EXACT_INTEGER = 2**24
 """Integers up to here are exact in single precision."""
@@ -163,6 +162,8 @@ def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, 
     """Refuses another shape, and an empty array."""
     if not _fits(given.shape, expected):
         advice = channels_advice(name) if len(expected) == 2 and has_channels(given.shape) else ""
+        if not advice and _fits(given.shape[1:], expected):
+            advice = f"; one of {given.shape[0]} is {name}[0]"
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}{advice}")
     if given.size == 0:
         raise errors.InvalidArgumentError(f"{name} has no pixels (shape {given.shape}); at least one is needed")
@@ -225,7 +226,14 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     else:
         expected = f"values from {low:g} to {high:g}"
     value = image[np.unravel_index(int(np.argmax(bad)), bad.shape)]
-    raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that")
+    codes = high == 1.0 and low <= smallest and 1 < largest <= 255
+    advice = f"; {name} / 255 brings codes of 8 bits there" if codes else ""
+    raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that{advice}")
+
+
+def full_scale(dtype: np.dtype[Any]) -> int:
+    """The number that means 1 in an image of light; 0: 1 does."""
+    return int(np.iinfo(dtype).max) if dtype.kind == "u" and dtype.itemsize <= 2 else 0
 
 
 def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
@@ -235,22 +243,20 @@ def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
     plane = float_plane(given, name, shape)
     if given.dtype.kind not in "iu":
         return plane
-    top = int(np.iinfo(given.dtype).max)
-    full = top if given.dtype.kind == "u" and given.dtype.itemsize <= 2 else 0
+    top, full = int(np.iinfo(given.dtype).max), full_scale(given.dtype)
     largest = int(given.max())
     # One of the bits of signed numbers is the sign.
     bits = min(top.bit_length(), max(8, largest.bit_length() + largest.bit_length() % 2))
     advice = f"{name} / {2**bits - 1} makes the top code of {bits} bits 1"
     if full == 0 and largest > 1:
-        warnings.warn(
+        _doubts.warn(
             f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are, and "
-            f"the largest is {largest}. {advice}",
-            stacklevel=2,
+            f"the largest needs {bits} bits. {advice}"
         )
     elif full == 65535 and largest > 1 and bits < 16:
-        warnings.warn(
-            f"the largest number of {name} is {largest} of 65535; if its codes have {bits} bits, {advice}",
-            stacklevel=2,
+        _doubts.warn(
+            f"{name} has integers of 16 bits, of which the largest needs no more than {bits}; if its codes have {bits} "
+            f"bits, {advice}"
         )
     return plane if full == 0 else (given / full).astype(np.float32)
 
@@ -263,7 +269,9 @@ def depth_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
             f"{name} has dtype {given.dtype}, whose unit is not known; expected floating-point metres: {name} * 0.001 "
             "if it is in millimetres"
         )
-    return float_plane(given, name, shape)
+    plane = float_plane(given, name, shape)
+    _doubts.of_depth(plane, name)
+    return plane
 
 
 def irradiance_plane(

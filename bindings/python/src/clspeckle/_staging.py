@@ -86,6 +86,10 @@ class Staging:
             kept = self._images[name] = DeviceImage(shape, dtype, context=self.context)
         return kept
 
+    def kept(self, name: str) -> DeviceImage | None:
+        """What was last copied for an argument."""
+        return self._images.get(name)
+
     def clear(self) -> None:
         """Gives all memory back."""
         for image in self._images.values():

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _doubts, _library, errors
 from ._handle import Handle, create, exclusive
 from ._progress import Call, Progress
 
@@ -34,6 +34,7 @@ _CAMERA = (
     "field",
     "principal_point_px",
 )
+_FRAMES_FIRST = "np.moveaxis(codes, -1, 0)"
 _ARGUMENTS = _check.Arguments(_library.ClspCaptureDesc, words={"field": _library.words("FIELD")})
 
 
@@ -88,6 +89,13 @@ def _codes(value: npt.ArrayLike, name: str, bits: object) -> npt.NDArray[np.uint
     if given.ndim != 3 or given.size == 0:
         empty = "; it is empty, give at least one frame" if given.size == 0 else ""
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width){empty}")
+    # The reader of files takes so short an axis for channels.
+    if given.shape[2] <= 4 and given.shape[1] > 4:
+        raise errors.InvalidArgumentError(
+            f"{name} has shape {given.shape}, expected (frames, height, width); if the last axis counts the frames, "
+            f"give {_FRAMES_FIRST}, if it counts channels that are alike, codes[..., 0]"
+        )
+    _doubts.of_frames_behind(given.shape, "codes")
     return np.ascontiguousarray(given, dtype=np.uint16)
 
 
@@ -140,14 +148,14 @@ class Capture(Handle):
             entries[name] = (sequence, _codes(sequence.codes, f"sequences[{name!r}]", bits))
         if not entries:
             raise errors.InvalidArgumentError("sequences is empty; a capture has at least one sequence")
-        shape = next(iter(entries.values()))[1].shape[1:]
-        made = cls._of(create("clspCaptureCreate", ctypes.byref(cls._desc(shape, dict(camera or {})))))
+        first = next(iter(entries.values()))[1].shape
+        made = cls._of(create("clspCaptureCreate", ctypes.byref(cls._desc(first[1:], dict(camera or {})))))
         if dots_px is not None:
             made._set_dots(dots_px, dots_sigma_px)
         elif dots_sigma_px is not None:
             raise errors.InvalidArgumentError("dots_sigma_px needs dots_px")
         for name, (sequence, codes) in entries.items():
-            made._add(name, sequence, codes, shape)
+            made._add(name, sequence, codes, first)
         _library.call("clspCaptureValidate", made._get())
         return made
 
@@ -170,10 +178,16 @@ class Capture(Handle):
         sigma = _check.real(sigma_px, "dots_sigma_px")
         _library.call("clspCaptureSetDots", self._get(), sigma, doubles.shape[0], _check.pointer(doubles))
 
-    def _add(self, name: str, sequence: CaptureSequence, codes: npt.NDArray[np.uint16], shape: tuple[int, ...]) -> None:
+    def _add(self, name: str, sequence: CaptureSequence, codes: npt.NDArray[np.uint16], first: tuple[int, ...]) -> None:
+        shape = first[1:]
         if codes.shape[1:] != shape:
+            advice = ""
+            if codes.shape[:2] == shape:
+                advice = f"; if the last axis of {codes.shape} counts the frames, give {_FRAMES_FIRST}"
+            elif codes.shape[1:] == first[:2]:
+                advice = f"; if the last axis of the first one, {first}, counts its frames, give {_FRAMES_FIRST}"
             raise errors.InvalidArgumentError(
-                f"sequences[{name!r}] has frames of shape {codes.shape[1:]}, the first sequence has {shape}"
+                f"sequences[{name!r}] has frames of shape {codes.shape[1:]}, the first sequence has {shape}{advice}"
             )
         struct = _library.initialized(_library.ClspCaptureSequence)
         struct.name = _check.no_null(name.encode(), "name")

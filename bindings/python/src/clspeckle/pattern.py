@@ -20,7 +20,7 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _doubts, _library, errors
 from ._handle import exclusive
 from ._interop import EventLike
 from ._staging import Command, DeviceImageLike, HostCheck, ImageLike, Stage, on_device, refuse_handle
@@ -87,11 +87,16 @@ def vectors_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
     """An image of vectors with three components, or four."""
     given = _check.array(value, name)
     if given.ndim != 3 or given.shape[2] not in (3, 4):
+        first = given.ndim == 3 and given.shape[0] in (3, 4) and given.shape[1:] == tuple(shape)
+        advice = f"; np.moveaxis({name}, 0, -1) puts x, y, z behind" if first else ""
         raise errors.InvalidArgumentError(
-            f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4)"
+            f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4){advice}"
         )
     if given.dtype.kind == "u" and given.dtype.itemsize <= 2:
-        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected an image of vectors: floating-point")
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, expected an image of vectors: floating-point. If they are encoded as "
+            f"colors, give {name} / {np.iinfo(given.dtype).max} * 2 - 1"
+        )
     return _check.float_plane(given, name, (shape[0], shape[1], None), "an image of vectors")
 
 
@@ -102,7 +107,15 @@ def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.fl
         # Averaged over a pixel's samples a normal gets shorter, never longer; where there is no surface it may be NaN.
         bad = np.einsum("...i,...i->...", xyz, xyz) > (1.0 + _NORMAL_TOLERANCE) ** 2
     if bad.any():
-        raise errors.InvalidDataError(f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1")
+        longer = xyz[bad]
+        advice = ""
+        if np.count_nonzero(_doubts.look_encoded(longer)) > len(longer) / 2:
+            advice = f"; they look encoded as colors, 0 to 1 for -1 to 1: then give 2 * {name} - 1"
+        elif np.count_nonzero(_doubts.look_encoded(longer / 255)) > len(longer) / 2:
+            advice = f"; they look encoded as colors of 8 bits: then give {name} / 255 * 2 - 1"
+        raise errors.InvalidDataError(
+            f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1{advice}"
+        )
     return vectors
 
 
@@ -167,6 +180,11 @@ def geometry_struct(geometry: Geometry, shape: tuple[int, int], command: Command
             raise errors.InvalidArgumentError(f"intrinsics is {numbers}, expected finite numbers, fx and fy not 0")
         struct.fx_px, struct.fy_px, struct.cx_px, struct.cy_px = numbers
     command.fill(struct, vars(geometry), _IMAGES, shape)
+    used = (geometry.normal, geometry.depth if geometry.position is None else geometry.position)
+    if not command.asynchronous and not any(value is None or on_device(value) for value in used):
+        _doubts.of_normals(
+            geometry.normal, geometry.depth, geometry.position, None if geometry.intrinsics is None else numbers
+        )
     return struct
 
 
@@ -212,6 +230,8 @@ class Pattern(Stage):
         context: Context | None = None,
     ) -> None:
         plane = _check.irradiance_plane(texels, "texels")
+        if not plane.any():
+            _doubts.warn("texels is 0 everywhere, so that the pattern gives no light: is it another image than meant?")
         desc = self._arguments.describe(locals())
         desc.height, desc.width = plane.shape
         desc.texels = _check.pointer(plane)

@@ -24,7 +24,7 @@ from typing import (
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _doubts, _library, errors
 from ._handle import Handle, exclusive
 from ._interop import EventLike
 from ._staging import Command, DeviceImageLike, ImageLike, Output, Stage, Staging, device_image, on_device
@@ -291,6 +291,7 @@ class Pipeline(Stage):
         self._spare: list[Staging] = []
         self._last: Event | None = None
         self._next_frame_index = 0
+        self._looked_up = False
         self._effects: dict[str, dict[str, float]] = {}
         self._polarization_count = phase.polarization_count
 
@@ -519,10 +520,37 @@ class Pipeline(Stage):
             given = Frame(scene, refresh, frame_index, motion, material, illumination)
             event = self._enqueue_frame(command, given, target.image)
             try:
-                return target.finish(event)
+                result = target.finish(event)
             finally:
                 if self._last is event:
                     self._last = None
+            self._doubt(given, target.host, self._staging)
+            return result
+
+    def _doubt(self, frame: Frame, output: npt.NDArray[Any] | None, staging: Staging) -> None:
+        """Tells a frame without light, and one with nothing but the top code."""
+        if frame.illumination == "dark":
+            return
+        scene, name, full = None, "scene", 0
+        if not (frame.scene is None or isinstance(frame.scene, Geometry) or on_device(frame.scene)):
+            scene = np.asarray(frame.scene)
+            full = _check.full_scale(scene.dtype)
+            if scene.dtype.kind in "iu" and not full and scene.max() > 1:
+                return  # that no full scale is known has been told
+        bits, gain, top = 0, 0.0, 0.0
+        if self.sensor is not None:
+            bits, gain, top = self.sensor.bits, self.sensor.exposure_gain_dn, 2.0**self.sensor.bits - 1
+            if output is not None and output.dtype.kind == "f":
+                # Half a code below the top, against rounding.
+                top = (top - 0.5) / top * self.sensor.float_full_scale
+        exposure = _doubts.Exposure(bits, gain, top)
+        if scene is not None and exposure.of_scene(scene, name, full):
+            return
+        if isinstance(frame.scene, Geometry) and self.pattern is not None and not self._looked_up:
+            self._looked_up = True
+            exposure.of_pattern(_light_on(frame.scene, self.pattern, staging))
+        if output is not None:
+            exposure.of_frame(output, scene, name, full)
 
     def enqueue_frame(
         self,
@@ -812,16 +840,17 @@ class Pipeline(Stage):
         queue: QueueLike | None,
         target_of: Callable[[int], npt.NDArray[Any]],
     ) -> Iterator[npt.NDArray[Any]]:
-        pending: collections.deque[tuple[Output, Event]] = collections.deque()
+        pending: collections.deque[tuple[Frame, Staging, Output, Event]] = collections.deque()
         with exclusive(self):
             # Taken out while in use: two streams of one pipeline may be interleaved.
             slots = [self._spare.pop() if self._spare else Staging(self.context) for _ in range(depth)]
 
         def finish() -> npt.NDArray[Any]:
-            target, read = pending.popleft()
+            frame, staging, target, read = pending.popleft()
             read.wait()
             if target.host is not target.given:
                 target.given[...] = target.host
+            self._doubt(frame, target.host, staging)
             result: npt.NDArray[Any] = target.given
             return result
 
@@ -838,12 +867,12 @@ class Pipeline(Stage):
                         frame = dataclasses.replace(frame, refresh=refresh)
                     event = self._enqueue_frame(command, frame, target.image)
                     read = target.image.enqueue_read(target.host, queue=command.queue, wait_for=[event])
-                    pending.append((target, read))
+                    pending.append((frame, command.staging, target, read))
             while pending:
                 yield finish()
         finally:
             # Left early: what was begun still writes to memory that is about to be reused.
-            for _, read in pending:
+            for *_, read in pending:
                 with contextlib.suppress(errors.ClspeckleError):
                     read.wait()
             if not self.closed:
@@ -928,6 +957,20 @@ class Pipeline(Stage):
 _PIPELINE = [name for name in _check.optional(Pipeline.__init__) if name in PipelineParameters.__annotations__]
 
 
+def _light_on(geometry: Geometry, pattern: Pattern, staging: Staging) -> npt.NDArray[np.float32]:
+    """The ideal image of a geometry whose host images have just been copied to `staging`."""
+    kept: dict[str, Any] = {
+        field.name: staging.kept(field.name)
+        for field in dataclasses.fields(geometry)
+        if getattr(geometry, field.name) is not None
+    }
+    kept = {name: image for name, image in kept.items() if image is not None and not on_device(getattr(geometry, name))}
+    with exclusive(pattern):
+        light: npt.NDArray[np.float32] = pattern.lookup(dataclasses.replace(geometry, **kept))
+        pattern._staging.clear()
+    return light
+
+
 def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:
     """The effects of from_parameters(), checked before any stage is made."""
     if given is None:
@@ -1005,6 +1048,8 @@ def simulate(
             f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width){advice}"
         )
     size = _check.image_shape(shape[-2:], "ideal.shape")
+    if len(shape) == 3:
+        _doubts.of_frames_behind(shape, "ideal")
     key: Any = (size, output, _hashable(parameters))
     # Air that has moved on would make the next result depend on this one.
     if parameters.get("airflow_rms_rad") or "airflow" in (parameters.get("effects") or {}):

@@ -1,0 +1,215 @@
+"""What is told of arrays that are valid and can hardly be meant, as the program tells it of files.
+
+Each check looks at a thousand numbers of an image, unless these look odd: a frame takes no longer for it. The texts
+of one cause are the same for all frames of a series, so that Python shows one of them for a line that calls."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FAR_M = 100.0
+"""Far beyond what a laser lights up; millimetres that are taken as metres come out above it."""
+NO_SURFACE_M = 65504.0
+"""Renderers write the largest half or 1e10 where they see nothing."""
+SATURATED = 0.9
+"""Part of a frame at the top code, from which on it is hardly meant."""
+_UNIT = 0.02  # by which half precision or 8-bit steps never change the length of a normal
+_SAMPLES = 1000
+_PACKAGE = os.path.dirname(__file__) + os.sep
+
+
+def warn(text: str) -> None:
+    """Warns of the line outside of this package that called it."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_code.co_filename.startswith(_PACKAGE) and frame.f_back is not None:
+        frame = frame.f_back
+        level += 1
+    warnings.warn(text, stacklevel=level)
+
+
+def _sampled(pixels: int) -> slice:
+    """A thousand pixels, of all columns."""
+    return slice(None, None, pixels // _SAMPLES | 1)
+
+
+def of_depth(depth: npt.NDArray[np.float32], name: str) -> None:
+    """Depths that are in another unit than metres, or no surface anywhere."""
+    flat = depth.reshape(-1)
+
+    def surfaces(of: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return of[(of > 0) & (of < NO_SURFACE_M)]
+
+    some = surfaces(flat[_sampled(flat.size)])
+    if some.size == 0:
+        some = surfaces(flat)
+    if some.size == 0:
+        why = (
+            "depths are negative; they count from the camera into the scene"
+            if (flat < 0).any()
+            else f"all of them are 0, infinite or beyond 65504 m; {name} * 0.001 makes metres of millimetres"
+        )
+        warn(f"no pixel of {name} has a surface: {why}")
+    elif np.median(some) > FAR_M:
+        warn(
+            f"the surfaces of {name} are more than {FAR_M:g} m away in the median, which no laser lights up; "
+            f"{name} * 0.001 makes metres of millimetres, {name} * 0.01 of centimetres"
+        )
+
+
+def look_encoded(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """Which of (n, 3) are numbers of -1 to 1 as colors of 0 to 1."""
+    length = np.linalg.norm(2.0 * normals - 1.0, axis=-1)
+    encoded: npt.NDArray[np.bool_] = (np.abs(length - 1.0) < _UNIT) & (normals >= 0).all(axis=-1)
+    return encoded
+
+
+def of_normals(given: Any, depth: Any, position: Any, numbers: tuple[float, float, float, float] | None) -> None:
+    """Normals that face away from the camera, are encoded as colors, or were cut to whole numbers.
+
+    Args:
+        given: the normals.
+        depth: or None, with a position.
+        position: or None.
+        numbers: fx, fy, cx, cy; needed with depth.
+    """
+    normals = np.asarray(given)
+    width = normals.shape[1]
+    of = _sampled(normals.shape[0] * width)
+
+    def pixels(value: Any) -> npt.NDArray[Any]:
+        plane = np.asarray(value)
+        some: npt.NDArray[Any] = plane.reshape(-1, *plane.shape[2:])[of]
+        return some
+
+    normal = pixels(normals)[:, :3].astype(np.float32)
+    if position is not None:
+        towards = pixels(position)[:, :3]
+        surface = np.isfinite(towards).all(axis=-1)
+        facing = np.einsum("ni,ni->n", normal, np.where(surface[:, np.newaxis], towards, 0))
+    else:
+        away_m = pixels(depth)
+        surface = (away_m > 0) & (away_m < NO_SURFACE_M)
+        y, x = np.divmod(np.arange(0, normals.shape[0] * width, of.step), width)
+        fx, fy, cx, cy = numbers or (1.0, 1.0, 0.0, 0.0)
+        facing = normal[:, 0] * ((x - cx) / fx) + normal[:, 1] * ((y - cy) / fy) + normal[:, 2]
+    half = np.count_nonzero(surface) / 2
+    square = np.einsum("ni,ni->n", normal, normal)
+    odd = ~(np.abs(square - 1.0) < 2 * _UNIT) & surface
+    away = np.count_nonzero((facing > 0) & surface) > half
+    if not away and np.count_nonzero(odd) <= half:
+        return
+    # A mean over a pixel's samples is shorter than 1, but hardly by half on most of a surface.
+    if np.count_nonzero(look_encoded(normal) & odd) > half:
+        warn("most normals look encoded as colors, 0 to 1 for -1 to 1: then give 2 * normal - 1")
+    elif away:
+        warn(
+            "most normals face away from the camera, so that there is no light there; normals point out of the "
+            "surface, x to the right, y down, z away from the camera. Many renderers have y up and z towards the "
+            "camera: then give normal * [1, -1, -1]"
+        )
+    elif np.count_nonzero(~(square >= 0.25) & surface) > half:
+        warn(
+            "most normals are shorter than 0.5, and the light there is weaker by that; if whole numbers were made of "
+            "them, keep the floating-point ones"
+        )
+
+
+def of_frames_behind(shape: tuple[int, ...], name: str) -> None:
+    """An array of frames that looks like (height, width, frames)."""
+    frames, height, width = shape
+    if frames > width and height > 2 * width:
+        warn(
+            f"{name} of shape {shape} is taken as {frames} frames, {height} pixels high and {width} wide; if it is "
+            f"(height, width, frames), give np.moveaxis({name}, -1, 0)"
+        )
+
+
+class Exposure:
+    """What a frame's exposure is judged by."""
+
+    def __init__(self, bits: int, gain: float, top: float) -> None:
+        """
+        Args:
+            bits: of the sensor; 0: there is none.
+            gain: DN per unit of light.
+            top: what the output has where the converter is at its end, or a little less.
+        """
+        self.bits, self.gain, self.top = bits, gain, top
+
+    def _advice(self, name: str, full: int) -> str:
+        return (
+            f"exposure_gain_dn={2 ** (self.bits - 1) * (full or 1)} / {name}.max() brings the brightest pixel to half"
+        )
+
+    def of_scene(self, scene: npt.NDArray[Any], name: str, full: int) -> bool:
+        """Tells an ideal image that gives no light; true if it did.
+
+        Args:
+            full: the number that means 1; 0: 1 does.
+        """
+        least = 0.5 / self.gain * (full or 1) if self.bits and self.gain > 0 else 0.0
+        flat = scene.reshape(-1)
+
+        def dark(of: npt.NDArray[Any]) -> bool:
+            return not (of >= least if least > 0 else of > 0).any()
+
+        if not (dark(flat[_sampled(flat.size)]) and dark(flat)):
+            return False
+        if self.bits == 0 or self.gain <= 0 or not (flat > 0).any():
+            if (flat > 0).any():
+                return False  # a gain of 0 is meant
+            warn(
+                f"{name} is 0 everywhere, so that the frame has no light: is it another image than meant, or one that "
+                'was never drawn? If no light is meant, illumination="dark" says so'
+            )
+        else:
+            warn(
+                f"the frame has no light: the brightest number of {name} times the gain, {self.gain:g} dn, is less "
+                f"than half a code; {self._advice(name, full)}"
+            )
+        return True
+
+    def of_pattern(self, light: npt.NDArray[np.float32]) -> None:
+        """Tells a scene that the pattern brings no light to."""
+        brightest = float(light.max())
+        if brightest * self.gain < 0.5 if self.bits and self.gain > 0 else brightest <= 0:
+            warn(
+                "the frame has no light: the brightest point of the scene gets less than half a code. Check the "
+                "pattern's pose and extent (laser_from_geometry, half_extent_x, half_extent_y), the unit of depth and "
+                "position, which is metres, and exposure_gain_dn"
+            )
+
+    def of_frame(self, frame: npt.NDArray[Any], scene: npt.NDArray[Any] | None, name: str, full: int) -> None:
+        """Tells a frame that is saturated.
+
+        Args:
+            scene: the ideal image, None if the frame shows something else or an image of the device.
+        """
+        if not self.bits:
+            return
+
+        def saturated(of: npt.NDArray[Any]) -> bool:
+            return bool(np.count_nonzero(of >= self.top) >= SATURATED * of.size)
+
+        flat = frame.reshape(-1)
+        if not (saturated(flat[_sampled(flat.size)]) and saturated(flat)):
+            return
+        advice = "a smaller exposure_gain_dn helps"
+        if scene is not None:
+            advice = self._advice(name, full)
+            largest = float(scene.max())
+            if full == 0 and largest > 1:
+                bits = max(8, int(largest).bit_length())
+                codes = bool((scene == np.floor(scene)).all()) and bits <= 16
+                top = 2**bits - 1 if codes else "N"
+                advice = f"{name} / {top} makes {top} the number that means 1, and {advice}"
+        warn(
+            f"{100 * SATURATED:g} % of the frame and more are at the top code: 1 is full scale, and the gain "
+            f"{self.gain:g} dn; {advice}"
+        )
