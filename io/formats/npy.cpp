@@ -5,6 +5,7 @@
 #include "io/byte_order.hpp"
 #include "io/formats.hpp"
 #include "io/half.hpp"
+#include "io/stack_shape.hpp"
 
 #include <fmt/format.h>
 
@@ -269,7 +270,7 @@ class NpyReader final : public Reader {
         check_size(width, height);
         info_.width = static_cast<std::uint32_t>(width);
         info_.height = static_cast<std::uint32_t>(height);
-        if (info_.axes == 3 && info_.frame_count > width && height > 2 * width)
+        if (info_.axes == 3 && detail::may_lie_behind(info_.frame_count, height, width))
             info_.warnings.push_back(fmt::format(
                 "its array of {} is taken as {} frames, {} pixels high and {} wide. If it is height x width x frames, "
                 "save numpy.moveaxis(array, -1, 0)",

@@ -2,6 +2,7 @@
 // and 64, palettes.
 #include "io/formats.hpp"
 #include "io/half.hpp"
+#include "io/stack_shape.hpp"
 
 #include <fmt/format.h>
 
@@ -169,6 +170,11 @@ class TiffReader final : public Reader {
         if (!messages_.first_error.empty())
             broken("is damaged");
         find_stack(request, layout);
+        if (!request.page && detail::may_lie_behind(info_.frame_count, info_.height, info_.width))
+            info_.warnings.push_back(
+                fmt::format("its images are taken as {} frames, {} pixels high and {} wide. If an array of height x "
+                            "width x frames was saved, {}",
+                            info_.frame_count, info_.height, info_.width, frames_first(true)));
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
@@ -438,6 +444,13 @@ class TiffReader final : public Reader {
         return {images, 1, "tifffile"};
     }
 
+    /** How an array is saved frame by frame. @param behind whether tifffile reads the frames as its last side. */
+    std::string frames_first(bool behind) const {
+        const std::string array = fmt::format("tifffile.imread(\"{}\")", path_);
+        return fmt::format("save tifffile.imwrite(\"frames.tif\", {}, photometric=\"minisblack\")",
+                           behind ? fmt::format("numpy.moveaxis({}, -1, 0)", array) : array);
+    }
+
     void find_stack(const ReadRequest &request, const Layout &layout) {
         const Stack stack = told_stack(layout);
         const bool hidden = pages_.size() == 1 && stack.images > 1;
@@ -581,9 +594,11 @@ class TiffReader final : public Reader {
                              layout.photometric));
         const unsigned colors = gray || layout.colors > 0 ? 1 : 3;
         if (layout.channels < colors || layout.channels > (colors == 1 ? 2 : 4))
-            fail(fmt::format("{} samples for each pixel of {} image are not supported; {} with or without opacity {}. "
-                             "Save each channel as an image of its own",
-                             layout.channels, colors == 1 ? "a gray" : "a color", colors, colors == 1 ? "is" : "are"));
+            fail(fmt::format(
+                "{} samples for each pixel of {} image are not supported; {} with or without opacity {}. "
+                "Save each channel as an image of its own{}",
+                layout.channels, colors == 1 ? "a gray" : "a color", colors, colors == 1 ? "is" : "are",
+                colors > 1 ? "" : ". If they are frames, " + frames_first(layout.planar != PLANARCONFIG_SEPARATE)));
         layout.alpha = layout.channels == colors + 1;
         if (layout.colors > 0 && layout.alpha)
             fail("has a palette and an opacity, which is not supported; convert it to RGB");

@@ -395,6 +395,37 @@ def test_channels_and_types_have_the_way_out_that_the_check_has(ok, refused, tmp
     assert "raw, PNG, or TIFF with deflate or LZW" in refused("capture", "init", "set")
 
 
+LAST_AXIS = {
+    "pages": {"photometric": "minisblack"},
+    "one directory": {"photometric": "minisblack", "planarconfig": "contig"},
+    "planes": {"photometric": "minisblack", "planarconfig": "separate"},
+    "ImageJ": {"imagej": True},
+}
+
+
+@pytest.mark.parametrize("name", LAST_AXIS)
+def test_tiff_files_of_height_width_and_frames(ok, refused, tmp_path: Path, monkeypatch, name: str) -> None:
+    """Writers take the last side for the width, or for channels."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "set"
+    folder.mkdir()
+    frames = np.concatenate([dark(seed) for seed in range(3)])
+    height, width = frames.shape[1:]
+    assert len(frames) > 4 and width > 2 * len(frames) and height > len(frames)
+    array = frames if name == "planes" else np.ascontiguousarray(np.moveaxis(frames, 0, -1))
+    tifffile.imwrite(folder / "dark.tif", array, **LAST_AXIS[name])
+    arguments = ("capture", "init", "set", "--force")
+    told = ok(*arguments).err if name in ("pages", "ImageJ") else refused(*arguments)
+    assert (f"taken as {height} frames, {width} pixels high" in told) == (name in ("pages", "ImageJ"))
+    advice = re.search(r"save (tifffile\.imwrite\(.*, photometric=\"minisblack\"\))", told)
+    assert advice
+    exec(advice[1].replace('"frames.tif"', "out"), {"numpy": np, "tifffile": tifffile, "out": folder / "new"})
+    (folder / "new").replace(folder / "dark.tif")
+    assert "warning" not in ok(*arguments).err.replace("notes", "")
+    made = described(folder)
+    assert (made["camera"]["width"], made["camera"]["height"]) == (width, height)
+
+
 def test_a_folder_that_cannot_be_written(refused, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     (folder / "capture.json").mkdir(parents=True)
