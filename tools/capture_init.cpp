@@ -75,9 +75,10 @@ struct Found {
 /** All codes of a folder together. */
 struct Codes {
     std::uint32_t width = 0, height = 0;
-    std::string first;     // the file whose size they have
-    std::string bytes;     // a file with 8-bit samples
-    std::uint32_t set = 0; // bits that any code has
+    std::string first;            // the file whose size they have
+    std::string bytes;            // a file with 8-bit samples
+    std::uint32_t set = 0;        // bits that any code has
+    std::uint32_t always = 65535; // bits that all codes have
     std::uint32_t largest = 0;
     double full_scale = 0;                                    // of files that say it
     std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
@@ -326,6 +327,7 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
                 found.words.add(code);
                 codes.largest = std::max(codes.largest, code);
                 codes.set |= code == 65535 ? 0 : code; // what clips is no multiple of anything
+                codes.always &= code;
                 if (found.frames == 1) {
                     difference += value - first[i];
                     differences += (value - first[i]) * (value - first[i]);
@@ -388,7 +390,9 @@ CodeFormat format_of(const Codes &codes, std::uint32_t given, Notes &notes) {
     while (free < 8 && (codes.set >> free & 1) == 0)
         ++free;
     const std::uint32_t aligned = given ? given : least([&](std::uint32_t bits) { return bits + free >= 16; });
-    if (words && codes.largest >> 15 != 0 && aligned < 16 && aligned + free >= 16) {
+    // A lowest bit that all codes have is no part of theirs: they were shifted otherwise, as the check tells.
+    const bool varies = (codes.always >> free & 1) == 0;
+    if (words && varies && codes.largest >> 15 != 0 && aligned < 16 && aligned + free >= 16) {
         notes.add("/camera/msb_aligned", "true",
                   fmt::format("all words are multiples of {}: codes of {} bits in the upper ones of 16", 1u << free,
                               aligned));

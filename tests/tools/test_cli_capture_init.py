@@ -395,6 +395,24 @@ def test_channels_and_types_have_the_way_out_that_the_check_has(ok, refused, tmp
     assert "raw, PNG, or TIFF with deflate or LZW" in refused("capture", "init", "set")
 
 
+@pytest.mark.parametrize("lower", [64, 128, 255])
+def test_codes_of_8_bits_in_the_middle_of_256_are_no_aligned_ones(ok, tmp_path: Path, lower: int) -> None:
+    """The formula of the check is of the words in the files, whatever `capture init` wrote."""
+    folder = tmp_path / "set"
+    folder.mkdir()
+    codes = {"dark": dark(1, bits=8, frames=16), "flat": np.minimum(4 * dark(2, bits=8, frames=16), 254)}
+    for name, values in codes.items():
+        np.save(folder / f"{name}.npy", (values * 256 + lower).astype(np.uint16))
+    ok("capture", "init", "set")
+    assert "msb_aligned" not in described(folder)["camera"]
+    told = ok("capture", "check", "set").err
+    advice = re.search(r"take it back: (numpy\.rint\(.*\)\.astype\(numpy\.uint16\)), bits 8,", told)
+    assert advice
+    for name, values in codes.items():
+        given = np.load(folder / f"{name}.npy")
+        np.testing.assert_array_equal(eval(advice[1], {"codes": given, "numpy": np}), values)
+
+
 LAST_AXIS = {
     "pages": {"photometric": "minisblack"},
     "one directory": {"photometric": "minisblack", "planarconfig": "contig"},

@@ -542,7 +542,7 @@ class Pipeline(Stage):
             bits, gain, top = self.sensor.bits, self.sensor.exposure_gain_dn, 2.0**self.sensor.bits - 1
             if output is not None and output.dtype.kind == "f":
                 # Half a code below the top, against rounding.
-                top = (top - 0.5) / top * self.sensor.float_full_scale
+                top = (top - 0.5) / top * self.sensor._float_full_scale
         exposure = _doubts.Exposure(bits, gain, top)
         if scene is not None and exposure.of_scene(scene, name, full):
             return

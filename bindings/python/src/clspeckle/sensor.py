@@ -216,7 +216,7 @@ class Sensor(Stage):
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.bits: int = desc.bits
         self._exposure_gain_dn: float = _exposure_gain(desc)
-        self.float_full_scale: float = desc.float_full_scale
+        self._float_full_scale: float = desc.float_full_scale
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
@@ -265,7 +265,7 @@ class Sensor(Stage):
             self._options = options
             self.bits = desc.bits
             self._exposure_gain_dn = _exposure_gain(desc)
-            self.float_full_scale = desc.float_full_scale
+            self._float_full_scale = desc.float_full_scale
 
     def reset_lag(self) -> None:
         """Forgets the frame before: the next one has no lag."""
