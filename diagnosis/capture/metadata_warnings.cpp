@@ -64,12 +64,19 @@ class Warnings {
           frame_changes_(frame_changes), noise_(measured_noise(summaries)) {}
 
     std::vector<CaptureWarning> all() {
-        dark_frames();
+        std::vector<CaptureWarning> of_codes = code_warnings(layout_, scans_, summaries_, dark_, noise_);
+        // Codes of another scale than the data sheet's have a black level and a noise that follow from it: the warning
+        // of the codes has both as they are once the codes are taken back.
+        const bool scaled = std::any_of(of_codes.begin(), of_codes.end(), [](const CaptureWarning &warning) {
+            return warning.kind == "stretched_codes" || warning.kind == "upper_bits";
+        });
+        if (!scaled)
+            dark_frames();
         for (const SequenceSummary &s : summaries_)
             sequence(s);
         exposures();
         motion();
-        for (CaptureWarning &warning : code_warnings(layout_, scans_, summaries_, dark_, noise_))
+        for (CaptureWarning &warning : of_codes)
             warnings_.push_back(std::move(warning));
         geometry();
         return std::move(warnings_);
