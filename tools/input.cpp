@@ -161,13 +161,19 @@ void scale_position(VectorPlane &plane, const Config &config) {
             value = static_cast<float>(value * config.number("camera.depth_scale"));
 }
 
-/** Unit normals matter where there is a surface: a longer one would brighten it. Those of what a camera sees face it.
+/** Unit normals matter where there is a surface: a longer one would brighten it. Those of what a camera sees face it;
+ * where positions are, the camera may be anywhere, and those that are lit face the laser.
  */
 void check_normals(const FrameData &data, const std::string &name, const Config &config,
                    std::vector<std::string> &warnings) {
     const std::size_t count = data.normal.values.size() / 3, width = data.normal.width;
     const double fx = config.number("camera.fx_px"), fy = config.number("camera.fy_px");
     const double cx = config.number("camera.cx_px"), cy = config.number("camera.cy_px");
+    const std::vector<double> pose = config.numbers("pattern.laser_from_geometry"); // [R|t]: the laser is at -R^T t
+    double laser[3] = {};
+    for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t j = 0; j < 3; ++j)
+            laser[i] -= pose[4 * j + i] * pose[4 * j + 3];
     std::size_t surfaces = 0, away = 0, encoded = 0;
     std::size_t bad = 0;
     std::size_t first = 0;
@@ -186,10 +192,10 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
         }
         if (surface) {
             const double x = data.position.empty() ? (fx > 0 ? (static_cast<double>(i % width) - cx) / fx : 0)
-                                                   : data.position.values[3 * i];
+                                                   : data.position.values[3 * i] - laser[0];
             const double y = data.position.empty() ? (fy > 0 ? (static_cast<double>(i / width) - cy) / fy : 0)
-                                                   : data.position.values[3 * i + 1];
-            const double z = data.position.empty() ? 1 : data.position.values[3 * i + 2];
+                                                   : data.position.values[3 * i + 1] - laser[1];
+            const double z = data.position.empty() ? 1 : data.position.values[3 * i + 2] - laser[2];
             ++surfaces;
             away += n[0] * x + n[1] * y + n[2] * z > 0;
         }
@@ -203,10 +209,10 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
     }
     if (away > surfaces / 2)
         warnings.push_back(fmt::format(
-            "{}: {} of {} normals face away from the camera, so that there is no light there; normals point out of the "
+            "{}: {} of {} normals face away from the {}, so that there is no light there; normals point out of the "
             "surface, x to the right, y down, z away from the camera. Many renderers have y up and z towards the "
             "camera: then save normals * [1, -1, -1]",
-            name, away, surfaces));
+            name, away, surfaces, data.position.empty() ? "camera" : "laser"));
     if (bad > 0)
         warnings.push_back(
             fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "

@@ -369,7 +369,8 @@ def test_normals_that_face_away_are_named(ok, scene: Path) -> None:
     for surface in (["--depth", "z.npy", *CAMERA], ["--position", "p.npy"]):
         told = ok("render", *surface, "--normal", "turned.npy", "-o", "out", *PATTERN, *LASER).err
         advice = re.search(r"save (normals \* \[1, -1, -1\])", told)
-        assert advice and "turned.npy: 1712 of 1712 normals face away from the camera" in told
+        of = "camera" if "--depth" in surface else "laser"
+        assert advice and f"turned.npy: 1712 of 1712 normals face away from the {of}" in told
         assert "the frame has no light" in told
         np.save(scene / "again.npy", np.asarray(eval(advice[1], {"normals": turned}), np.float32))
         told = ok(

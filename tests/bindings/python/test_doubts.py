@@ -185,6 +185,30 @@ def test_what_is_advised_of_planes_helps() -> None:
     assert "face away" in said(lambda: camera.render(clspeckle.Geometry(position=position, normal=-OBLIQUE)))[0]
 
 
+def test_positions_may_be_of_any_frame(tmp_path: Path) -> None:
+    """A wall at z = -2 m of a world with z upwards, seen and lit from above it."""
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(0.3, -0.3, SHAPE[0]))
+    position = np.dstack([x, y, np.full(SHAPE, -2.0)]).astype(np.float32)
+    pose = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, -1.0]])  # the laser is 1 m above it and looks down
+    pattern = clspeckle.Pattern(TEXELS, half_extent_x=0.9, half_extent_y=0.9, laser_from_geometry=pose)
+    for normal, words in ((-FACING, ""), (FACING, "face away from the laser")):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            pattern.lookup(clspeckle.Geometry(position, normal=normal))
+        python = "".join(str(one.message) for one in told)
+        given = ",".join(str(number) for number in pose.ravel())
+        program = of_program(
+            tmp_path, "--position", "position.npy", "--normal", "normal.npy", *SCENE,
+            f"--pattern-laser-from-geometry={given}", position=position, normal=normal, texels=TEXELS,
+        )  # fmt: skip
+        assert bool(python) == bool(program) == bool(words)
+        assert words in python
+        assert words in program
+    moved = clspeckle.Pattern(TEXELS, half_extent_x=0.9, half_extent_y=0.9)
+    moved.set_pose(pose)
+    assert said(lambda: moved.lookup(clspeckle.Geometry(position, normal=-FACING))) == []
+
+
 REFUSED: dict[str, dict[str, Array]] = {
     "normal": {"channels_first": np.moveaxis(OBLIQUE, -1, 0).copy(), "colors": 0.5 - 0.5 * FACING},
     "albedo": {"codes_as_floats": np.rint(RAMP * 255)},

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -69,14 +70,18 @@ def look_encoded(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
     return encoded
 
 
-def of_normals(given: Any, depth: Any, position: Any, numbers: tuple[float, float, float, float] | None) -> None:
-    """Normals that face away from the camera, are encoded as colors, or were cut to whole numbers.
+def of_normals(
+    given: Any, depth: Any, position: Any, numbers: tuple[float, ...] | None, laser: Sequence[float]
+) -> None:
+    """Normals that face away, are encoded as colors, or were cut to whole numbers. Those of what a camera sees face it;
+    where positions are, the camera may be anywhere, and those that are lit face the laser.
 
     Args:
         given: the normals.
         depth: or None, with a position.
         position: or None.
         numbers: fx, fy, cx, cy; needed with depth.
+        laser: the laser's place.
     """
     normals = np.asarray(given)
     width = normals.shape[1]
@@ -91,7 +96,7 @@ def of_normals(given: Any, depth: Any, position: Any, numbers: tuple[float, floa
     if position is not None:
         towards = pixels(position)[:, :3]
         surface = np.isfinite(towards).all(axis=-1)
-        facing = np.einsum("ni,ni->n", normal, np.where(surface[:, np.newaxis], towards, 0))
+        facing = np.einsum("ni,ni->n", normal, np.where(surface[:, np.newaxis], towards - laser, 0))
     else:
         away_m = pixels(depth)
         surface = (away_m > 0) & (away_m < NO_SURFACE_M)
@@ -109,9 +114,9 @@ def of_normals(given: Any, depth: Any, position: Any, numbers: tuple[float, floa
         warn("most normals look encoded as colors, 0 to 1 for -1 to 1: then give 2 * normal - 1")
     elif away:
         warn(
-            "most normals face away from the camera, so that there is no light there; normals point out of the "
-            "surface, x to the right, y down, z away from the camera. Many renderers have y up and z towards the "
-            "camera: then give normal * [1, -1, -1]"
+            f"most normals face away from the {'camera' if position is None else 'laser'}, so that there is no light "
+            "there; normals point out of the surface, x to the right, y down, z away from the camera. Many renderers "
+            "have y up and z towards the camera: then give normal * [1, -1, -1]"
         )
     elif np.count_nonzero(~(square >= 0.25) & surface) > half:
         warn(

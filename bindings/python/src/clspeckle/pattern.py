@@ -164,8 +164,14 @@ def geometry_shape(geometry: Geometry) -> tuple[int, int]:
     )
 
 
-def geometry_struct(geometry: Geometry, shape: tuple[int, int], command: Command) -> _library.ClspGeometry:
-    """The C struct of a geometry; host images are uploaded."""
+def geometry_struct(
+    geometry: Geometry, shape: tuple[int, int], command: Command, laser: Sequence[float]
+) -> _library.ClspGeometry:
+    """The C struct of a geometry; host images are uploaded.
+
+    Args:
+        laser: its place in the geometry frame.
+    """
     if (geometry.position is None) == (geometry.depth is None):
         which = "neither" if geometry.position is None else "both"
         raise errors.InvalidArgumentError(f"a geometry needs position, or depth with intrinsics; {which} given")
@@ -183,9 +189,18 @@ def geometry_struct(geometry: Geometry, shape: tuple[int, int], command: Command
     used = (geometry.normal, geometry.depth if geometry.position is None else geometry.position)
     if not command.asynchronous and not any(value is None or on_device(value) for value in used):
         _doubts.of_normals(
-            geometry.normal, geometry.depth, geometry.position, None if geometry.intrinsics is None else numbers
+            geometry.normal,
+            geometry.depth,
+            geometry.position,
+            None if geometry.intrinsics is None else numbers,
+            laser,
         )
     return struct
+
+
+def _place(pose: Any) -> list[float]:
+    """The laser in the geometry frame, -R^T t, of laser_from_geometry."""
+    return [-sum(pose[4 * j + i] * pose[4 * j + 3] for j in range(3)) for i in range(3)]
 
 
 class Pattern(Stage):
@@ -238,6 +253,7 @@ class Pattern(Stage):
         if laser_from_geometry is not None:
             desc.laser_from_geometry = _check.pose(laser_from_geometry, "laser_from_geometry")
         self._create(desc, context)
+        self._place: list[float] = _place(desc.laser_from_geometry)
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
@@ -250,6 +266,7 @@ class Pattern(Stage):
         pose = _check.pose(laser_from_geometry, "laser_from_geometry")
         with exclusive(self):
             _library.call("clspPatternSetPose", self._get(), pose)
+            self._place = _place(pose)
 
     def lookup(self, geometry: Geometry, *, out: Any = None, queue: QueueLike | None = None) -> Any:
         """The ideal infrared image I0 of a geometry. Blocks.
@@ -266,7 +283,7 @@ class Pattern(Stage):
         with exclusive(self):
             command = self._command(queue)
             target = command.output(out, shape)
-            struct = geometry_struct(geometry, shape, command)
+            struct = geometry_struct(geometry, shape, command, self._place)
             return target.finish(self._enqueue(command, "Lookup", struct, target.image))
 
     def enqueue_lookup(
@@ -286,7 +303,7 @@ class Pattern(Stage):
         shape = geometry_shape(geometry)
         with exclusive(self):
             command = self._asynchronous(queue, wait_for)
-            struct = geometry_struct(geometry, shape, command)
+            struct = geometry_struct(geometry, shape, command, self._place)
             return self._enqueue(command, "Lookup", struct, command.image(irradiance, "irradiance", shape))
 
 

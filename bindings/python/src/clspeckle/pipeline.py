@@ -664,7 +664,7 @@ class Pipeline(Stage):
         elif isinstance(scene, Geometry):
             if self.pattern is None:
                 raise TypeError("this pipeline has no pattern; its frames need an ideal image, not a Geometry")
-            geometry = geometry_struct(scene, self.shape, command)
+            geometry = geometry_struct(scene, self.shape, command, self.pattern._place)
             frame.geometry = ctypes.pointer(geometry)
         elif self.pattern is not None:
             raise TypeError(f"this pipeline has a pattern; its frames need a Geometry, got {_check.kind(scene)}")
