@@ -84,6 +84,14 @@ struct Codes {
     std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
 };
 
+/** What an error about the frames adds: how else their files may be meant. */
+std::string but(const Codes &codes) {
+    if (codes.warnings.empty())
+        return "";
+    const auto &[warning, paths] = *codes.warnings.begin();
+    return fmt::format(". But {}: {}", paths.front(), warning);
+}
+
 std::string lower(std::string text) {
     for (char &c : text)
         c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -401,10 +409,7 @@ CodeFormat format_of(const Codes &codes, std::uint32_t given, Notes &notes) {
     const std::uint32_t bits = given ? given : holding(words ? codes.largest : codes.full_scale);
     if (codes.largest >> bits != 0)
         throw InputError(fmt::format("--bits {}: codes reach {}; leave the option out, or give more{}", bits,
-                                     codes.largest,
-                                     codes.warnings.empty() ? ""
-                                                            : ". But " + codes.warnings.begin()->second.front() + ": " +
-                                                                  codes.warnings.begin()->first));
+                                     codes.largest, but(codes)));
     if (words && !given && codes.largest != (1u << bits) - 1)
         notes.add("/camera/bits", std::to_string(bits),
                   fmt::format("no code is above {}: a converter that nothing brought to its end may have more (--bits)",
@@ -532,7 +537,7 @@ Json dots_of_file(const std::string &file) {
 }
 
 /** Refuses what the check would refuse, in its words. */
-void check_description(image_io::AtomicFile &file, const std::string &path, Console &console) {
+void check_description(image_io::AtomicFile &file, const std::string &path, const Codes &codes, Console &console) {
     file.close();
     const std::string &written = file.temporary_path();
     try {
@@ -541,6 +546,7 @@ void check_description(image_io::AtomicFile &file, const std::string &path, Cons
         std::string message = error.message();
         for (std::size_t at = message.find(written); at != std::string::npos; at = message.find(written))
             message.replace(at, written.size(), path);
+        message += but(codes);
         throw clspeckle::Error(error.status(), error.opencl_code(), error.function(), message, error.build_log());
     }
 }
@@ -650,7 +656,7 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
     }
     const std::string text = root.dump(1) + "\n";
     file.write(text.data(), text.size());
-    check_description(file, path, console);
+    check_description(file, path, codes, console);
     file.commit();
     console.print(table(rows) + "\n" + notes.found);
     for (const std::string &other : folder.others)

@@ -147,18 +147,40 @@ void settle_depth(Plane &plane, const std::string &name, const Config &config, s
                                                       "--depth-scale gives the unit of the numbers"));
         return;
     }
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    if (*middle > far_m)
+    const auto median = [&depths] {
+        const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+        std::nth_element(depths.begin(), middle, depths.end());
+        return *middle;
+    };
+    float middle = median();
+    // What most share and nothing is beyond is a far plane, not a surface.
+    if (const float last = *std::max_element(depths.begin(), depths.end()); middle == last && middle > far_m) {
+        depths.erase(std::remove(depths.begin(), depths.end(), last), depths.end());
+        if (!depths.empty())
+            middle = median();
+    }
+    if (middle > far_m)
         warnings.push_back(fmt::format("{}: the surfaces are {:g} m away in the median, which no laser lights up; "
                                        "--depth-scale 0.001 takes the numbers as millimetres",
-                                       name, *middle));
+                                       name, middle));
 }
 
 void scale_position(VectorPlane &plane, const Config &config) {
     if (!config.is_word("camera.depth_scale"))
         for (float &value : plane.values)
             value = static_cast<float>(value * config.number("camera.depth_scale"));
+}
+
+/** Whether a pixel of positions has one: renderers write 0 or 1e10 where they see nothing. */
+bool is_position(const float *p) {
+    const auto near = [](float v) { return std::abs(v) < no_surface_m; }; // false for NaN
+    return near(p[0]) && near(p[1]) && near(p[2]) && (p[0] != 0 || p[1] != 0 || p[2] != 0);
+}
+
+/** Whether a normal's numbers of -1 to 1 were made colors of 0 to top. */
+bool looks_encoded(const float *n, double top) {
+    const double x = 2.0 * n[0] / top - 1, y = 2.0 * n[1] / top - 1, z = 2.0 * n[2] / top - 1;
+    return std::abs(std::sqrt(x * x + y * y + z * z) - 1) < 0.02 && n[0] >= 0 && n[1] >= 0 && n[2] >= 0;
 }
 
 /** Unit normals matter where there is a surface: a longer one would brighten it. Those of what a camera sees face it;
@@ -174,21 +196,21 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
     for (std::size_t i = 0; i < 3; ++i)
         for (std::size_t j = 0; j < 3; ++j)
             laser[i] -= pose[4 * j + i] * pose[4 * j + 3];
-    std::size_t surfaces = 0, away = 0, encoded = 0;
+    std::size_t surfaces = 0, away = 0, encoded = 0, encoded_8 = 0, longer = 0;
     std::size_t bad = 0;
     std::size_t first = 0;
     for (std::size_t i = 0; i < count; ++i) {
         const bool surface = data.position.empty() ? data.depth.values[i] > 0 && std::isfinite(data.depth.values[i])
-                                                   : std::isfinite(data.position.values[3 * i + 2]);
+                                                   : is_position(&data.position.values[3 * i]);
         const float *n = &data.normal.values[3 * i];
         const double length = std::sqrt(double{n[0]} * n[0] + double{n[1]} * n[1] + double{n[2]} * n[2]);
         // Written so that NaN counts as bad. Half precision and 8-bit steps stay well within 2 %.
         if (surface && !(std::abs(length - 1) < 0.02)) {
             if (bad++ == 0)
                 first = i;
-            // Numbers of -1 to 1 as colors of 0 to 1.
-            const double x = 2.0 * n[0] - 1, y = 2.0 * n[1] - 1, z = 2.0 * n[2] - 1;
-            encoded += std::abs(std::sqrt(x * x + y * y + z * z) - 1) < 0.02 && n[0] >= 0 && n[1] >= 0 && n[2] >= 0;
+            encoded += looks_encoded(n, 1.0);
+            encoded_8 += looks_encoded(n, 255.0);
+            longer += length > 1;
         }
         if (surface) {
             const double x = data.position.empty() ? (fx > 0 ? (static_cast<double>(i % width) - cx) / fx : 0)
@@ -207,6 +229,12 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
                                        name, encoded, surfaces));
         return;
     }
+    if (encoded_8 > surfaces / 2) {
+        warnings.push_back(fmt::format("{}: {} of {} normals look encoded as colors of 8 bits: then save "
+                                       "normals / 255 * 2 - 1",
+                                       name, encoded_8, surfaces));
+        return;
+    }
     if (away > surfaces / 2)
         warnings.push_back(fmt::format(
             "{}: {} of {} normals face away from the {}, so that there is no light there; normals point out of the "
@@ -214,10 +242,11 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
             "camera: then save normals * [1, -1, -1]",
             name, away, surfaces, data.position.empty() ? "camera" : "laser"));
     if (bad > 0)
-        warnings.push_back(
-            fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
-                        "light there is wrong by their length",
-                        name, bad, first % data.normal.width, first / data.normal.width));
+        warnings.push_back(fmt::format(
+            "{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
+            "light there is wrong by their length{}",
+            name, bad, first % data.normal.width, first / data.normal.width,
+            longer > surfaces / 2 ? "; save normals / numpy.linalg.norm(normals, axis=-1, keepdims=True)" : ""));
 }
 
 std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name) {

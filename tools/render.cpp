@@ -31,6 +31,8 @@ constexpr std::uint32_t refresh_none =
     2; // index of the word in the option's table; the C interface has no such constant
 
 constexpr double most_gain = 1e30; // that a sensor takes
+/** Part of speckle's pixels at the top code where its mean is at full scale: exp(-1). */
+constexpr double most_saturated = 0.36787944117144233;
 
 /** Host planes on the device. */
 class DeviceFrame {
@@ -691,7 +693,15 @@ class Renderer {
                      "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
-    /** A frame without light, or with nothing but the top code, is seldom meant. */
+    double ambient_light_dn() const {
+        double level = 0;
+        for (const EffectSetting &effect : config_.effects())
+            if (effect.id == "ambient_light")
+                level = effect.values.front();
+        return level;
+    }
+
+    /** A frame without light, or with most of its light at the top code, is seldom meant. */
     void warn_of_exposure(const FrameData &data) {
         if (illumination_ == CLSP_ILLUMINATION_DARK)
             return;
@@ -699,30 +709,38 @@ class Renderer {
         const double brightest = *std::max_element(values.begin(), values.end());
         const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
         const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0;
+        const bool ambient = ambient_light_dn() >= 0.5;
+        if (ambient && !input_.scene && brightest * gain < 0.5)
+            return;
         const bool dark = has_sensor_ ? brightest * gain < 0.5 : brightest <= 0;
-        const double share = static_cast<double>(saturated_first_) / static_cast<double>(values.size());
+        const char *no_light = ambient ? "the pattern brings no light" : "the frame has no light";
+        const auto pixels = static_cast<double>(values.size());
+        const double lit = ambient || gain <= 0
+                               ? pixels
+                               : static_cast<double>(std::count_if(values.begin(), values.end(),
+                                                                   [gain](float v) { return v * gain >= 0.5; }));
+        const auto saturated = static_cast<double>(saturated_first_);
         const char *gain_advice = "--exposure-gain auto finds one";
         if (dark && brightest <= 0)
-            console_.warn(fmt::format("{}: the frame has no light: {}. No gain helps; if no light is meant, "
-                                      "--illumination dark says so",
-                                      data.name, why_black()));
+            console_.warn(fmt::format("{}: {}: {}. No gain helps; if no light is meant, --illumination dark says so",
+                                      data.name, no_light, why_black()));
         else if (dark)
             console_.warn(
                 input_.scene
                     ? fmt::format(
-                          "{}: the frame has no light: the brightest point gets {:.3g} of full scale. Check the "
-                          "pattern's pose and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), the "
-                          "unit of depths (--depth-scale), and the gain ({} dn)",
-                          data.name, brightest * gain / top_code(), gain)
+                          "{}: {}: the brightest point gets {:.3g} of full scale. Check the pattern's pose and extent "
+                          "(--pattern-laser-from-geometry, --pattern-half-extent-x), the unit of depths "
+                          "(--depth-scale), and the gain ({} dn)",
+                          data.name, no_light, brightest * gain / top_code(), gain)
                     : fmt::format(
                           "{}: the frame has no light: the brightest number is {:.3g}, and with a gain of {} dn "
                           "that is less than half a code; {}",
                           data.name, brightest, gain, gain_advice));
-        else if (has_sensor_ && share >= 0.9)
+        else if (has_sensor_ && saturated > 0 && saturated >= most_saturated * lit)
             console_.warn(fmt::format(
-                "{}: {:.0f} % of the frame is at the top code: the mean light is {:.3g}, where 1 is "
-                "full scale, and the gain {} dn; {}{}",
-                data.name, 100 * share, mean, gain,
+                "{}: {:.0f} % of the frame is at the top code, where {:.0f} % has light: the mean light is {:.3g}, "
+                "and the gain {} dn for light of 1; {}{}",
+                data.name, 100 * saturated / pixels, 100 * lit / pixels, mean, gain,
                 input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ", gain_advice));
     }
 

@@ -141,7 +141,7 @@ std::string upper_bits(const Camera &camera, unsigned shift) {
                            "true (or divide the codes by {}), bits to {}",
                            1u << shift, numbers);
     return text +
-           fmt::format(". Divide the codes by {} (with /camera/msb_aligned they need not be), and set bits to {}",
+           fmt::format(". Divide the codes by {} (leave them where /camera/msb_aligned is true already), and set bits to {}",
                        1u << shift, numbers);
 }
 

@@ -447,7 +447,7 @@ class TiffReader final : public Reader {
     /** How an array is saved frame by frame. @param behind whether tifffile reads the frames as its last side. */
     std::string frames_first(bool behind) const {
         const std::string array = fmt::format("tifffile.imread(\"{}\")", path_);
-        return fmt::format("save tifffile.imwrite(\"frames.tif\", {}, photometric=\"minisblack\")",
+        return fmt::format("save tifffile.imwrite(\"{}\", {}, photometric=\"minisblack\")", path_,
                            behind ? fmt::format("numpy.moveaxis({}, -1, 0)", array) : array);
     }
 

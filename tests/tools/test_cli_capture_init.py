@@ -437,11 +437,26 @@ def test_tiff_files_of_height_width_and_frames(ok, refused, tmp_path: Path, monk
     assert (f"taken as {height} frames, {width} pixels high" in told) == (name in ("pages", "ImageJ"))
     advice = re.search(r"save (tifffile\.imwrite\(.*, photometric=\"minisblack\"\))", told)
     assert advice
-    exec(advice[1].replace('"frames.tif"', "out"), {"numpy": np, "tifffile": tifffile, "out": folder / "new"})
-    (folder / "new").replace(folder / "dark.tif")
+    exec(advice[1], {"numpy": np, "tifffile": tifffile})
     assert "warning" not in ok(*arguments).err.replace("notes", "")
     made = described(folder)
     assert (made["camera"]["width"], made["camera"]["height"]) == (width, height)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 7])
+def test_few_frames_behind_height_and_width(ok, refused, tmp_path: Path, monkeypatch, count: int) -> None:
+    """Too narrow for a set."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "set").mkdir()
+    frames = np.resize(dark(1), (count, *dark(1).shape[1:]))
+    tifffile.imwrite("set/dark.tif", np.ascontiguousarray(np.moveaxis(frames, 0, -1)), photometric="minisblack")
+    told = refused("capture", "init", "set")
+    assert f"/camera/width is {count}" in told
+    advice = re.search(r"save (tifffile\.imwrite\(.*, photometric=\"minisblack\"\))", told)
+    assert advice
+    exec(advice[1], {"numpy": np, "tifffile": tifffile})
+    assert "warning" not in ok("capture", "init", "set").err
+    np.testing.assert_array_equal(tifffile.imread("set/dark.tif"), frames)
 
 
 def test_a_folder_that_cannot_be_written(refused, tmp_path: Path) -> None:

@@ -396,6 +396,20 @@ def test_normals_that_are_stored_as_colors_are_named(ok, refused, scene: Path) -
     assert advice
     np.save(scene / "again.npy", eval(advice[1], {"normals": codes, "numpy": np}))
     assert ok(*command, "--normal", "again.npy").err == ""
+    np.save(scene / "codes.npy", np.rint(255 * colors).astype(np.float32))
+    told = ok(*command, "--normal", "codes.npy").err
+    advice = re.search(r"look encoded as colors of 8 bits: then save (normals / 255 \* 2 - 1)", told)
+    assert advice
+    decoded = eval(advice[1], {"normals": np.load(scene / "codes.npy")})
+    np.save(scene / "again.npy", decoded)
+    assert ok(*command, "--normal", "again.npy").err == ""
+    np.save(scene / "scaled.npy", np.rint(127 * normal()).astype(np.int8))
+    told = ok(*command, "--normal", "scaled.npy").err
+    advice = re.search(r"save (normals / numpy\.linalg\.norm\(normals, axis=-1, keepdims=True\))", told)
+    assert advice
+    unit = eval(advice[1], {"normals": np.load(scene / "scaled.npy"), "numpy": np})
+    np.save(scene / "again.npy", unit.astype(np.float32))
+    assert ok(*command, "--normal", "again.npy").err == ""
     first = np.moveaxis(normal(), -1, 0)
     np.save(scene / "first.npy", first)
     advice = re.search(r"save (numpy\.moveaxis\(array, 0, -1\))", refused(*command, "--normal", "first.npy"))
@@ -406,7 +420,7 @@ def test_normals_that_are_stored_as_colors_are_named(ok, refused, scene: Path) -
 
 def test_a_pattern_without_light_is_the_cause(ok, scene: Path) -> None:
     images.exr(scene / "two.exr", {"unused": np.zeros((32, 32), np.float32), "IR": np.ones((32, 32), np.float32)})
-    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN[2:], *LASER, "--exposure-gain", 30000]
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN[2:], *LASER, "--exposure-gain", 2000]
     told = ok(*command, "--pattern", "two.exr:unused").err
     assert "two.exr:unused is 0 everywhere: it may be another channel or page than meant, which FILE:CHANNEL" in told
     assert "does not meet the scene" not in told
@@ -416,7 +430,7 @@ def test_a_pattern_without_light_is_the_cause(ok, scene: Path) -> None:
 def test_a_frame_that_is_all_at_the_top_code(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "bright.npy", np.full((32, 48), 800, np.int16))
     told = ok("render", "bright.npy", "-o", "out").err
-    assert re.search(r"bright.npy: \d+ % of the frame is at the top code: the mean light is 800", told)
+    assert re.search(r"bright.npy: \d+ % of the frame is at the top code, where 100 % has light: the mean light is 800", told)
     assert "--full-scale N makes N the number that means 1" in told and "--exposure-gain auto finds one" in told
     assert "top code:" not in ok("render", "bright.npy", "-o", "auto", "--exposure-gain", "auto").err
     assert "top code:" not in ok("render", "bright.npy", "-o", "scale", "--full-scale", 1023).err

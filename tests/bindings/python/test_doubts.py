@@ -56,6 +56,11 @@ def of_geometry(texels: Array = TEXELS, **planes: Any) -> list[str]:
     return said(lambda: pipeline(texels).render(clspeckle.Geometry(**given)))
 
 
+def of_ideal(ideal: Array, **parameters: Any) -> list[str]:
+    """What is told of an ideal image's frame."""
+    return said(lambda: clspeckle.simulate(ideal, **parameters, seed=3))
+
+
 def of_program(folder: Path, *arguments: str, **arrays: Array) -> str:
     """What the program tells of the same arrays as NPY files."""
     for name, array in arrays.items():
@@ -89,6 +94,8 @@ SCENES: dict[str, tuple[dict[str, Array], list[str]]] = {
     "nan_around": ({"depth": half(DEPTH, np.nan)}, []),
     "largest_half_around": ({"depth": half(DEPTH, 65504)}, []),
     "1e10_around": ({"depth": half(DEPTH, 1e10)}, []),
+    "far_plane": ({"depth": half(DEPTH, 1000)}, []),
+    "far_plane_of_millimetres": ({"depth": half(DEPTH * 1000, 5000)}, ["m away in the median", "has no light"]),
     "wall_of_80_m": ({"depth": half(DEPTH, 80)}, []),
     "facing": ({"normal": FACING}, []),
     "oblique": ({"normal": OBLIQUE}, []),
@@ -124,7 +131,11 @@ IDEALS: dict[str, tuple[Array, float, str]] = {
     "one_bright_pixel": ((np.arange(RAMP.size) == 400).reshape(SHAPE).astype(np.float32), 300.0, ""),
     "codes_as_floats": (np.rint(RAMP * 200 + 50), 300.0, "at the top code"),
     "codes_of_10_bits": (np.rint(RAMP * 1000 + 20), 300.0, "at the top code"),
-    "high_dynamic_range": (np.where(RAMP > 0.85, 5000.0, RAMP), 300.0, ""),
+    "high_dynamic_range": (np.where(RAMP > 0.85, 500.0, RAMP), 300.0, ""),
+    "dark_photograph": (np.rint(30 * RAMP**2), 512.0, "at the top code"),
+    "sparse_photograph": (np.where(RAMP > 0.8, np.rint(200 * RAMP), 0), 512.0, "at the top code"),
+    "small_highlight": (np.where(RAMP > 0.85, 200.0, 0.3), 512.0, ""),
+    "all_at_half_of_full_scale": (np.ones(SHAPE, np.float32), 512.0, ""),
     "free_scale": (RAMP * 40, 7.0, ""),
     "free_scale_that_is_lost": (RAMP * 1e5, 300.0, "at the top code"),
 }
@@ -146,15 +157,89 @@ def test_the_program_and_python_tell_the_same_of_ideal_images(tmp_path: Path, na
 def test_what_is_advised_of_an_exposure_helps(name: str) -> None:
     scene, gain, _ = IDEALS[name]
     (told,) = said(lambda: clspeckle.simulate(scene, exposure_gain_dn=gain, seed=3))
-    advice = re.search(r"exposure_gain_dn=(\d+ / scene\.max\(\))", told)
+    advice = re.search(r"with exposure_gain_dn=(\d+ / float\(ideal\.max\(\)\)) the", told)
     assert advice
-    chosen = float(eval(advice[1], {"scene": scene}))
+    chosen = float(eval(advice[1], {"ideal": scene}))
     assert said(lambda: clspeckle.simulate(scene, exposure_gain_dn=chosen, seed=3)) == []
-    divided = re.search(r"(scene / \d+) makes", told)
-    assert bool(divided) == name.startswith("codes")
-    if divided:
-        given = eval(divided[1], {"scene": scene})
+    divided = re.search(r"(ideal / N) makes N the number that means 1 \((.*)\)", told)
+    assert bool(divided) == (scene.dtype.kind == "f" and scene.max() > 1)
+    if divided and "lost" not in name:
+        tops = map(int, re.findall(r"\b\d{3,}\b", divided[2]))
+        largest = next(top for top in tops if top >= scene.max())
+        given = eval(divided[1], {"ideal": scene, "N": largest})
         assert said(lambda: clspeckle.simulate(given, exposure_gain_dn=gain, seed=3)) == []
+
+
+ELECTRONS = {"photons_per_unit": 4000.0, "quantum_efficiency": 0.4, "conversion_gain_dn_per_e": 0.25}
+
+
+@pytest.mark.parametrize("factor", [1e-4, 1e4])
+def test_the_exposure_of_a_sensor_that_counts_photons(factor: float) -> None:
+    ideal = RAMP * factor
+    (told,) = of_ideal(ideal, **ELECTRONS)
+    advice = re.search(r"with photons_per_unit=(\S+ / float\(ideal\.max\(\)\)) the", told)
+    assert advice
+    assert "exposure_gain_dn" not in told
+    given = {**ELECTRONS, "photons_per_unit": eval(advice[1], {"ideal": ideal})}
+    assert of_ideal(ideal, **given) == []
+
+
+@pytest.mark.parametrize("bits", [10, 16])
+def test_the_exposure_of_numbers_near_the_end_of_their_type(bits: int) -> None:
+    for ideal in ((RAMP * 1e-6).astype(np.float16), (RAMP * 1e-5).astype(np.float16)):
+        (told,) = of_ideal(ideal, bits=bits, exposure_gain_dn=100.0)
+        advice = re.search(r"exposure_gain_dn=(.*max\(\)\))", told)
+        assert advice
+        gain = eval(advice[1], {"ideal": ideal})
+        assert of_ideal(ideal, bits=bits, exposure_gain_dn=gain) == []
+    denormal = RAMP * np.float32(1e-42)
+    (told,) = of_ideal(denormal)
+    advice = re.search(r"(ideal / float\(ideal\.max\(\)\)) makes", told)
+    assert advice
+    assert of_ideal(eval(advice[1], {"ideal": denormal})) == []
+
+
+def test_what_else_fills_a_frame_is_not_the_exposure() -> None:
+    (told,) = of_ideal(RAMP, dark_frame_dn=np.full(SHAPE, 1023.0))
+    assert "dark_frame_dn" in told
+    assert "exposure_gain_dn" not in told
+
+
+def test_ambient_light_is_light(tmp_path: Path) -> None:
+    dark = RAMP * 0
+    several: tuple[dict[str, Any], ...] = ({"ambient": 0.05}, {"effects": {"ambient_light": {}}})
+    for ambient in several:
+        assert of_ideal(dark, **ambient) == []
+    assert len(of_ideal(dark, ambient=1e-6)) == 1
+    assert of_program(tmp_path, "ideal.npy", "--effect", "ambient_light", ideal=dark) == ""
+    assert "has no light" in of_program(tmp_path, "ideal.npy", ideal=dark)
+    unlit = clspeckle.Pattern(TEXELS, half_extent_x=0.9, half_extent_y=0.9)
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, pattern=unlit, seed=3, ambient=0.05)
+    told = said(lambda: camera.render(clspeckle.Geometry(depth=-DEPTH, intrinsics=INTRINSICS)))
+    assert "the pattern brings no light" in told[1]
+    program = of_program(tmp_path, "--depth", "depth.npy", *SCENE, *CAMERA, "--effect", "ambient_light",
+                         depth=-DEPTH, texels=TEXELS)  # fmt: skip
+    assert "the pattern brings no light" in program
+
+
+def test_darkness_that_simulate_is_given_has_a_way_out() -> None:
+    for ideal in (RAMP * 0, np.zeros((2, *SHAPE), np.float32)):
+        told = of_ideal(ideal)
+        advice = re.search(r"If no light is meant, (clspeckle\.\S+) says so", told[0])
+        assert advice
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert eval(advice[1], {"clspeckle": clspeckle, "ideal": ideal}).shape == SHAPE
+
+
+def test_all_columns_are_looked_at() -> None:
+    """Where the columns are 1 m away, the first one is what a stride of a row would meet."""
+    for width in (33, 999, 1000, 1001, 1280):
+        depth = np.linspace(1400, 1600, (width - 1) * width, dtype=np.float32).reshape(-1, width)
+        depth[:, 0] = 1.0
+        assert "m away in the median" in "".join(
+            said(lambda: clspeckle._check.depth_plane(depth, "depth"))  # noqa: B023
+        )
 
 
 def test_darkness_that_is_meant_is_not_told() -> None:
@@ -183,6 +268,50 @@ def test_what_is_advised_of_planes_helps() -> None:
     camera = pipeline()
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=OBLIQUE))) == []
     assert "face away" in said(lambda: camera.render(clspeckle.Geometry(position=position, normal=-OBLIQUE)))[0]
+
+
+def test_sky_of_the_largest_half_is_no_surface_in_another_unit() -> None:
+    for sky in (65504, 1e10):
+        depth = half(DEPTH * 1000, sky)
+        (told, *_) = of_geometry(depth=half(np.full(SHAPE, sky), DEPTH * 1000))
+        advice = re.search(r"lights up; (.*) makes metres of millimetres", told)
+        assert advice
+        metres = eval(advice[1], {"depth": depth, "np": np})
+        assert np.isinf(metres[depth == np.float32(sky)]).all()
+        assert of_geometry(depth=metres) == []
+
+
+@pytest.mark.parametrize("nothing", [0.0, 1e10, np.nan, np.inf])
+def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> None:
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0]))
+    position = half(np.dstack([x, y, DEPTH]), nothing)
+    normal = half(FACING, 0)
+    camera = pipeline()
+    assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=normal))) == []
+    files = ["--position", "position.npy", "--normal", "normal.npy"]
+    planes = {"position": position, "texels": TEXELS}
+    assert of_program(tmp_path, *files, *SCENE, normal=normal, **planes) == ""
+    normal[:, 0] = 0  # where there is a surface
+    assert "not of unit length" in of_program(tmp_path, *files, *SCENE, normal=normal, **planes)
+
+
+def test_an_albedo_above_one_is_no_code() -> None:
+    albedo = 1.5 * RAMP / RAMP.max()
+    with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
+        of_geometry(albedo=albedo)
+    assert "/ 255" not in str(refused.value)
+    advice = re.search(r"; (np\.minimum\(albedo, 1\)) cuts", str(refused.value))
+    assert advice
+    assert of_geometry(albedo=eval(advice[1], {"albedo": albedo, "np": np})) == []
+
+
+def test_normals_of_another_length_have_a_way_out() -> None:
+    normal = np.rint(OBLIQUE * 127).astype(np.int8)
+    with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
+        of_geometry(normal=normal)
+    advice = re.search(r"give (normal / np\.linalg\.norm\(normal, axis=-1, keepdims=True\))", str(refused.value))
+    assert advice
+    assert of_geometry(normal=eval(advice[1], {"normal": normal, "np": np})) == []
 
 
 def test_positions_may_be_of_any_frame(tmp_path: Path) -> None:
@@ -242,8 +371,10 @@ def test_each_cause_is_told_once_for_a_line_of_code() -> None:
         for frame in range(4):
             camera.render(clspeckle.Geometry(depth=DEPTH * (1000 + frame), intrinsics=INTRINSICS))
             clspeckle.simulate(RAMP * (1e5 + frame), exposure_gain_dn=300.0, seed=3)
-            clspeckle.simulate((RAMP * (500 + 9 * frame)).astype(np.uint16), exposure_gain_dn=300.0, seed=3)
-    assert len(told) == 4
+            clspeckle.simulate((RAMP * 200 * 2**frame).astype(np.uint16), exposure_gain_dn=3e5, seed=3)
+            clspeckle.simulate((RAMP * 200 * 2**frame).astype(np.int32), exposure_gain_dn=300.0, seed=3)
+            clspeckle.simulate(np.rint(RAMP * 200 * 2**frame), exposure_gain_dn=300.0, seed=3)
+    assert len(told) == 6
     assert {one.filename for one in told} == {__file__}
 
 

@@ -268,6 +268,7 @@ def test_lowest_bits_that_are_empty(found, bits: int) -> None:
     assert kinds(warnings) == ["upper_bits"]
     advice = UPPER_BITS.search(warnings[0]["text"])
     assert advice and "to true" not in warnings[0]["text"]
+    assert "leave them where /camera/msb_aligned is true already" in warnings[0]["text"]
     step = int(advice[1])
     again = {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])}
     assert found({name: codes // step for name, codes in shifted.items()}, again) == []

@@ -226,8 +226,10 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     else:
         expected = f"values from {low:g} to {high:g}"
     value = image[np.unravel_index(int(np.argmax(bad)), bad.shape)]
-    codes = high == 1.0 and low <= smallest and 1 < largest <= 255
-    advice = f"; {name} / 255 brings codes of 8 bits there" if codes else ""
+    advice = ""
+    if high == 1.0 and low <= smallest and largest < math.inf:
+        codes = largest <= 255 and bool((image == np.floor(image)).all())
+        advice = f"; {name} / 255 brings codes of 8 bits there" if codes else f"; np.minimum({name}, 1) cuts them at 1"
     raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that{advice}")
 
 
@@ -245,19 +247,16 @@ def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
         return plane
     top, full = int(np.iinfo(given.dtype).max), full_scale(given.dtype)
     largest = int(given.max())
-    # One of the bits of signed numbers is the sign.
-    bits = min(top.bit_length(), max(8, largest.bit_length() + largest.bit_length() % 2))
-    advice = f"{name} / {2**bits - 1} makes the top code of {bits} bits 1"
+    # One of the bits of signed numbers is the sign. The text is that of all frames.
+    all_bits = sorted({min(bits, top.bit_length()) for bits in (8, 10, 12, 14, 16)} - {16 if full else 0})
+    advice = ", ".join(f"{name} / {2**bits - 1} makes the top code of {bits} bits 1" for bits in all_bits)
     if full == 0 and largest > 1:
         _doubts.warn(
-            f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are, and "
-            f"the largest needs {bits} bits. {advice}"
+            f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are. "
+            f"{advice}"
         )
-    elif full == 65535 and largest > 1 and bits < 16:
-        _doubts.warn(
-            f"{name} has integers of 16 bits, of which the largest needs no more than {bits}; if its codes have {bits} "
-            f"bits, {advice}"
-        )
+    elif full == 65535 and 1 < largest < 2**14:
+        _doubts.warn(f"{name} has integers of 16 bits, of which the largest needs fewer; if its codes have: {advice}")
     return plane if full == 0 else (given / full).astype(np.float32)
 
 

@@ -5,6 +5,7 @@ of one cause are the same for all frames of a series, so that Python shows one o
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import warnings
@@ -18,8 +19,10 @@ FAR_M = 100.0
 """Far beyond what a laser lights up; millimetres that are taken as metres come out above it."""
 NO_SURFACE_M = 65504.0
 """Renderers write the largest half or 1e10 where they see nothing."""
-SATURATED = 0.9
-"""Part of a frame at the top code, from which on it is hardly meant."""
+SATURATED = math.exp(-1)
+"""Part of the pixels with light that is at the top code, where the mean of speckle is at full scale."""
+MOST_GAIN_DN = 1e30
+"""That a sensor takes."""
 _UNIT = 0.02  # by which half precision or 8-bit steps never change the length of a normal
 _SAMPLES = 1000
 _PACKAGE = os.path.dirname(__file__) + os.sep
@@ -34,9 +37,13 @@ def warn(text: str) -> None:
     warnings.warn(text, stacklevel=level)
 
 
-def _sampled(pixels: int) -> slice:
-    """A thousand pixels, of all columns."""
-    return slice(None, None, pixels // _SAMPLES | 1)
+def _sampled(shape: tuple[int, ...]) -> slice:
+    """A thousand of all pixels, in row-major order, whose columns take turns."""
+    height, width = shape[:2]
+    step = max(1, height * width // _SAMPLES)
+    while math.gcd(step, width) > 1:
+        step += 1
+    return slice(None, None, step)
 
 
 def of_depth(depth: npt.NDArray[np.float32], name: str) -> None:
@@ -46,7 +53,7 @@ def of_depth(depth: npt.NDArray[np.float32], name: str) -> None:
     def surfaces(of: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return of[(of > 0) & (of < NO_SURFACE_M)]
 
-    some = surfaces(flat[_sampled(flat.size)])
+    some = surfaces(flat[_sampled(depth.shape)])
     if some.size == 0:
         some = surfaces(flat)
     if some.size == 0:
@@ -56,10 +63,18 @@ def of_depth(depth: npt.NDArray[np.float32], name: str) -> None:
             else f"all of them are 0, infinite or beyond 65504 m; {name} * 0.001 makes metres of millimetres"
         )
         warn(f"no pixel of {name} has a surface: {why}")
-    elif np.median(some) > FAR_M:
+        return
+    middle, last = np.median(some), some.max()
+    # What most share and nothing is beyond is a far plane, not a surface.
+    if middle == last and middle > FAR_M and (some < last).any():
+        middle = np.median(some[some < last])
+    if middle > FAR_M:
+        # As metres the numbers of no surface would be one.
+        nothing = ((flat >= NO_SURFACE_M) & np.isfinite(flat)).any()
+        metres = f"np.where({name} < {NO_SURFACE_M:g}, {name}, np.inf)" if nothing else name
         warn(
             f"the surfaces of {name} are more than {FAR_M:g} m away in the median, which no laser lights up; "
-            f"{name} * 0.001 makes metres of millimetres, {name} * 0.01 of centimetres"
+            f"{metres} * 0.001 makes metres of millimetres, {metres} * 0.01 of centimetres"
         )
 
 
@@ -85,7 +100,7 @@ def of_normals(
     """
     normals = np.asarray(given)
     width = normals.shape[1]
-    of = _sampled(normals.shape[0] * width)
+    of = _sampled(normals.shape)
 
     def pixels(value: Any) -> npt.NDArray[Any]:
         plane = np.asarray(value)
@@ -95,7 +110,8 @@ def of_normals(
     normal = pixels(normals)[:, :3].astype(np.float32)
     if position is not None:
         towards = pixels(position)[:, :3]
-        surface = np.isfinite(towards).all(axis=-1)
+        # Renderers write 0 or 1e10 where they see nothing.
+        surface = (np.abs(towards) < NO_SURFACE_M).all(axis=-1) & (towards != 0).any(axis=-1)
         facing = np.einsum("ni,ni->n", normal, np.where(surface[:, np.newaxis], towards - laser, 0))
     else:
         away_m = pixels(depth)
@@ -138,83 +154,104 @@ def of_frames_behind(shape: tuple[int, ...], name: str) -> None:
 class Exposure:
     """What a frame's exposure is judged by."""
 
-    def __init__(self, bits: int, gain: float, top: float) -> None:
+    def __init__(self, bits: int, gain: float, dn_per_photon: float, top: float, ambient: float) -> None:
         """
         Args:
             bits: of the sensor; 0: there is none.
             gain: DN per unit of light.
+            dn_per_photon: 0: the sensor counts no photons.
             top: what the output has where the converter is at its end, or a little less.
+            ambient: constant light, in units of light.
         """
-        self.bits, self.gain, self.top = bits, gain, top
+        self.bits, self.gain, self.dn_per_photon, self.top = bits, gain, dn_per_photon, top
+        self.ambient = self._is_light(ambient)
 
-    def _advice(self, name: str, full: int) -> str:
-        return (
-            f"exposure_gain_dn={2 ** (self.bits - 1) * (full or 1)} / {name}.max() brings the brightest pixel to half"
-        )
+    def _is_light(self, light: float) -> bool:
+        return light * self.gain >= 0.5 if self.bits and self.gain > 0 else light > 0
 
-    def of_scene(self, scene: npt.NDArray[Any], name: str, full: int) -> bool:
+    def _advice(self, name: str, largest: float, full: int) -> str:
+        """How the brightest number comes to half of full scale."""
+        half = 2 ** (self.bits - 1)
+        if half * (full or 1) > MOST_GAIN_DN * largest:
+            return f"{name} / float({name}.max()) makes the brightest number 1"
+        gain = f"exposure_gain_dn={half * (full or 1)}"
+        if self.dn_per_photon > 0:
+            gain = f"photons_per_unit={half * (full or 1) / self.dn_per_photon:.6g}"
+        return f"with {gain} / float({name}.max()) the brightest number times the gain is half of full scale"
+
+    def of_scene(self, scene: npt.NDArray[Any], name: str, full: int, if_meant: str) -> bool:
         """Tells an ideal image that gives no light; true if it did.
 
         Args:
             full: the number that means 1; 0: 1 does.
+            if_meant: what says that no light is meant.
         """
-        least = 0.5 / self.gain * (full or 1) if self.bits and self.gain > 0 else 0.0
+        # A double, as half precision may not hold it.
+        least = np.float64(0.5 / self.gain * (full or 1) if self.bits and self.gain > 0 else 0.0)
         flat = scene.reshape(-1)
 
         def dark(of: npt.NDArray[Any]) -> bool:
             return not (of >= least if least > 0 else of > 0).any()
 
-        if not (dark(flat[_sampled(flat.size)]) and dark(flat)):
+        if self.ambient or not (dark(flat[_sampled(scene.shape)]) and dark(flat)):
             return False
         if self.bits == 0 or self.gain <= 0 or not (flat > 0).any():
             if (flat > 0).any():
                 return False  # a gain of 0 is meant
             warn(
                 f"{name} is 0 everywhere, so that the frame has no light: is it another image than meant, or one that "
-                'was never drawn? If no light is meant, illumination="dark" says so'
+                f"was never drawn? If no light is meant, {if_meant} says so"
             )
         else:
             warn(
                 f"the frame has no light: the brightest number of {name} times the gain, {self.gain:g} dn, is less "
-                f"than half a code; {self._advice(name, full)}"
+                f"than half a code; {self._advice(name, float(flat.max()), full)}"
             )
         return True
 
     def of_pattern(self, light: npt.NDArray[np.float32]) -> None:
         """Tells a scene that the pattern brings no light to."""
-        brightest = float(light.max())
-        if brightest * self.gain < 0.5 if self.bits and self.gain > 0 else brightest <= 0:
+        if not self._is_light(float(light.max())):
             warn(
-                "the frame has no light: the brightest point of the scene gets less than half a code. Check the "
-                "pattern's pose and extent (laser_from_geometry, half_extent_x, half_extent_y), the unit of depth and "
-                "position, which is metres, and exposure_gain_dn"
+                f"the {'pattern brings' if self.ambient else 'frame has'} no light: the brightest point of the scene "
+                "gets less than half a code. Check the pattern's pose and extent (laser_from_geometry, half_extent_x, "
+                "half_extent_y), the unit of depth and position, which is metres, and exposure_gain_dn"
             )
 
-    def of_frame(self, frame: npt.NDArray[Any], scene: npt.NDArray[Any] | None, name: str, full: int) -> None:
+    def of_frame(self, frame: npt.NDArray[Any], light: npt.NDArray[Any] | None, name: str, full: int) -> None:
         """Tells a frame that is saturated.
 
         Args:
-            scene: the ideal image, None if the frame shows something else or an image of the device.
+            light: the ideal image, None if it is not known.
+            name: of the argument that is the ideal image; empty: none is.
         """
         if not self.bits:
             return
+        shape, flat = frame.shape, frame.reshape(-1)
+        lit = None if light is None or self.ambient or self.gain <= 0 else light.reshape(-1)
+        least = np.float64(0.5 / self.gain * (full or 1) if self.gain > 0 else 0.0)
 
-        def saturated(of: npt.NDArray[Any]) -> bool:
-            return bool(np.count_nonzero(of >= self.top) >= SATURATED * of.size)
+        def saturated(of: slice) -> bool:
+            pixels = flat[of].size if lit is None else np.count_nonzero(lit[of] >= least)
+            at_top = np.count_nonzero(flat[of] >= self.top)
+            return bool(at_top > 0 and at_top >= SATURATED * pixels)
 
-        flat = frame.reshape(-1)
-        if not (saturated(flat[_sampled(flat.size)]) and saturated(flat)):
+        if not (saturated(_sampled(shape)) and saturated(slice(None))):
             return
-        advice = "a smaller exposure_gain_dn helps"
-        if scene is not None:
-            advice = self._advice(name, full)
-            largest = float(scene.max())
-            if full == 0 and largest > 1:
-                bits = max(8, int(largest).bit_length())
-                codes = bool((scene == np.floor(scene)).all()) and bits <= 16
-                top = 2**bits - 1 if codes else "N"
-                advice = f"{name} / {top} makes {top} the number that means 1, and {advice}"
-        warn(
-            f"{100 * SATURATED:g} % of the frame and more are at the top code: 1 is full scale, and the gain "
-            f"{self.gain:g} dn; {advice}"
-        )
+        told = "more than a third of the pixels with light are at the top code"
+        if not name or light is None:
+            warn(f"{told}: the gain is {self.gain:g} dn for light of 1; a smaller one helps")
+            return
+        largest = float(light.max())
+        if largest * self.gain <= 2 ** (self.bits - 1) * (full or 1):
+            warn(
+                f"{told}, though the brightest number of {name} times the gain, {self.gain:g} dn, is no more than half "
+                "of full scale; black_level_dn, dark_frame_dn or other light fills the rest"
+            )
+            return
+        scale = ""
+        if full == 0 and largest > 1:
+            scale = (
+                f"{name} / N makes N the number that means 1 (255 for codes of 8 bits, 1023 of 10, 4095 of 12), and "
+            )
+        warn(f"{told}: the gain is {self.gain:g} dn for light of 1; {scale}{self._advice(name, largest, full)}")

@@ -82,6 +82,7 @@ class Lens(Stage):
         desc = self._arguments.describe_image(shape, locals())
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
+        self._ambient: float = desc.ambient
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
@@ -96,6 +97,7 @@ class Lens(Stage):
         with exclusive(self):
             _library.call("clspLensConfigure", self._get(), ctypes.byref(desc))
             self.shape = (desc.height, desc.width)
+            self._ambient = desc.ambient
 
     def distort(
         self, ideal: ImageLike, *, interpolation: str | None = None, out: Any = None, queue: QueueLike | None = None

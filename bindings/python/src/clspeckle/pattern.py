@@ -113,6 +113,8 @@ def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.fl
             advice = f"; they look encoded as colors, 0 to 1 for -1 to 1: then give 2 * {name} - 1"
         elif np.count_nonzero(_doubts.look_encoded(longer / 255)) > len(longer) / 2:
             advice = f"; they look encoded as colors of 8 bits: then give {name} / 255 * 2 - 1"
+        else:
+            advice = f"; give {name} / np.linalg.norm({name}, axis=-1, keepdims=True)"
         raise errors.InvalidDataError(
             f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1{advice}"
         )

@@ -292,6 +292,7 @@ class Pipeline(Stage):
         self._last: Event | None = None
         self._next_frame_index = 0
         self._looked_up = False
+        self._scene_name = "scene"  # of the caller's argument
         self._effects: dict[str, dict[str, float]] = {}
         self._polarization_count = phase.polarization_count
 
@@ -531,26 +532,35 @@ class Pipeline(Stage):
         """Tells a frame without light, and one with nothing but the top code."""
         if frame.illumination == "dark":
             return
-        scene, name, full = None, "scene", 0
+        scene, name, full = None, self._scene_name, 0
         if not (frame.scene is None or isinstance(frame.scene, Geometry) or on_device(frame.scene)):
             scene = np.asarray(frame.scene)
             full = _check.full_scale(scene.dtype)
             if scene.dtype.kind in "iu" and not full and scene.max() > 1:
                 return  # that no full scale is known has been told
-        bits, gain, top = 0, 0.0, 0.0
+        bits, gain, photon, top = 0, 0.0, 0.0, 0.0
+        ambient = 0.0 if self.lens is None else self.lens._ambient
         if self.sensor is not None:
+            photon = self.sensor._dn_per_photon
             bits, gain, top = self.sensor.bits, self.sensor.exposure_gain_dn, 2.0**self.sensor.bits - 1
             if output is not None and output.dtype.kind == "f":
                 # Half a code below the top, against rounding.
                 top = (top - 0.5) / top * self.sensor._float_full_scale
-        exposure = _doubts.Exposure(bits, gain, top)
-        if scene is not None and exposure.of_scene(scene, name, full):
+            if "ambient_light" in self._effects and gain > 0:
+                ambient = self._effects["ambient_light"]["level_dn"] / gain
+        exposure = _doubts.Exposure(bits, gain, photon, top, ambient)
+        if_meant = 'illumination="dark"'
+        if name == "ideal":  # of simulate(), which has no illumination
+            if_meant = 'clspeckle.Pipeline.from_parameters(ideal.shape[-2:]).render(illumination="dark")'
+        if scene is not None and exposure.of_scene(scene, name, full, if_meant):
             return
+        light = scene
         if isinstance(frame.scene, Geometry) and self.pattern is not None and not self._looked_up:
             self._looked_up = True
-            exposure.of_pattern(_light_on(frame.scene, self.pattern, staging))
+            light = _light_on(frame.scene, self.pattern, staging)
+            exposure.of_pattern(light)
         if output is not None:
-            exposure.of_frame(output, scene, name, full)
+            exposure.of_frame(output, light, "" if scene is None else name, full)
 
     def enqueue_frame(
         self,
@@ -657,7 +667,7 @@ class Pipeline(Stage):
         elif not laser:
             if scene is None or isinstance(scene, Geometry):
                 raise TypeError(f'frames with illumination "incoherent" need an ideal image, got {_check.kind(scene)}')
-            frame.irradiance = command.add(command.image(scene, "scene", self.shape))
+            frame.irradiance = command.add(command.image(scene, self._scene_name, self.shape))
         elif self.dots is not None:
             if scene is not None:
                 raise TypeError(f"this pipeline has dots; its frames take no scene (None), got {_check.kind(scene)}")
@@ -669,7 +679,7 @@ class Pipeline(Stage):
         elif self.pattern is not None:
             raise TypeError(f"this pipeline has a pattern; its frames need a Geometry, got {_check.kind(scene)}")
         else:
-            frame.irradiance = command.add(command.image(scene, "scene", self.shape))
+            frame.irradiance = command.add(command.image(scene, self._scene_name, self.shape))
         default = FLOAT32 if self.sensor is None else UINT16
         frame.output = command.add(device_image(output, "output", self.shape, default, self.context))
         return frame
@@ -1063,6 +1073,7 @@ def simulate(
         camera = Pipeline.from_parameters(size, output=output, context=context, **parameters)
     elif camera.sensor is not None:
         camera.sensor.reset_lag()
+    camera._scene_name = "ideal"
     try:
         if len(shape) == 2:
             target: Any = out

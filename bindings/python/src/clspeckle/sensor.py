@@ -216,6 +216,7 @@ class Sensor(Stage):
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.bits: int = desc.bits
         self._exposure_gain_dn: float = _exposure_gain(desc)
+        self._dn_per_photon = _dn_per_photon(desc)
         self._float_full_scale: float = desc.float_full_scale
 
     @classmethod
@@ -248,7 +249,7 @@ class Sensor(Stage):
         gain = _check.real(value, "exposure_gain_dn")
         with exclusive(self):
             _library.call("clspSensorSetExposureGain", self._get(), gain)
-            self._exposure_gain_dn = gain
+            self._exposure_gain_dn, self._dn_per_photon = gain, 0.0
             self._options.update(exposure_gain_dn=gain, photons_per_unit=None)
 
     def configure(self, **changes: Any) -> None:
@@ -265,6 +266,7 @@ class Sensor(Stage):
             self._options = options
             self.bits = desc.bits
             self._exposure_gain_dn = _exposure_gain(desc)
+            self._dn_per_photon = _dn_per_photon(desc)
             self._float_full_scale = desc.float_full_scale
 
     def reset_lag(self) -> None:
@@ -387,8 +389,15 @@ def _description(shape: tuple[int, int], given: dict[str, Any]) -> tuple[_librar
 def _exposure_gain(desc: _library.ClspSensorDesc) -> float:
     """In DN per unit of intensity, also where it was given in photons."""
     if desc.photons_per_unit > 0:
-        return float(desc.conversion_gain_dn_per_e * desc.quantum_efficiency * desc.photons_per_unit)
+        return _dn_per_photon(desc) * float(desc.photons_per_unit)
     return float(desc.exposure_gain_dn)
+
+
+def _dn_per_photon(desc: _library.ClspSensorDesc) -> float:
+    """0: the exposure is not given in photons."""
+    if desc.photons_per_unit > 0:
+        return float(desc.conversion_gain_dn_per_e * desc.quantum_efficiency)
+    return 0.0
 
 
 def _values(desc: _library.ClspSensorDesc) -> dict[str, Any]:
