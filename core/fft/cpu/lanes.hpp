@@ -9,10 +9,12 @@
 
 namespace clsp {
 
-// Whether random numbers may be drawn in lanes. Only on CPUs with vectors, whatever is forced: NVIDIA's compiler
-// (580.159) gets some of what is made of products of 64 bits in vectors wrong.
+// Whether random numbers may be drawn in lanes: on CPUs with vectors, and on other CPUs where the engine is forced. On
+// a GPU never: NVIDIA's compiler (580.159) gets some of what is made of products of 64 bits in vectors wrong.
 inline bool draws_in_lanes(const Context &context) {
-    return own_engine(context.device()) == EngineKind::kCpu;
+    const cl_device_type type = context.device().getInfo<CL_DEVICE_TYPE>();
+    return own_engine(context.device()) == EngineKind::kCpu ||
+           ((type & CL_DEVICE_TYPE_CPU) != 0 && forced_engine(context) == EngineKind::kCpu);
 }
 
 // Of line transforms and refreshes; an aperture's engine is its own matter (engine_choices()).
