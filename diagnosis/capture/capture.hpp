@@ -29,11 +29,12 @@ struct CaptureDots {
 };
 
 // Light over the field where it is not even: 1 + the sum of c x^i y^j with 1 <= i + j <= degree, ordered by i + j, then
-// by j. x, y: pixels from the origin over the unit.
+// by j. x, y: pixels from the origin over the unit. As frames have it, with all light that falls on them.
 struct SmoothLight {
     std::array<double, 2> origin_px{};
     double unit_px = 1.0;
     std::vector<double> coefficients; // empty: even light
+    double level_dn = 0.0;            // of all light where the sum is 0; 0: not known
 
     double at(double x_px, double y_px) const {
         const double x = (x_px - origin_px[0]) / unit_px, y = (y_px - origin_px[1]) / unit_px;
@@ -64,8 +65,15 @@ struct SequenceLayout {
     std::optional<double> exposure_ms;
     std::vector<std::uint8_t> mask;    // empty, or height * width; 0: ignored
     SmoothLight illumination;          // of lamp or laser, as the frames were found to have it
-    std::vector<float> frame_light;    // of the lamp in each frame, over its mean, as found; empty: all the same
+    std::vector<float> frame_light;    // in each frame, over its mean, as found; empty: all the same
+    double frame_light_level_dn = 0.0; // that mean; 0: not known
 };
+
+// By how much lamp or laser varies where all light varies by one, and so much of it, in DN, does not.
+inline double variation_of_source(double level_dn, double constant_dn) {
+    constexpr double kLeastShare = 0.05; // with less, what varies is not the source
+    return level_dn > 0.0 ? 1.0 / std::max(1.0 - constant_dn / level_dn, kLeastShare) : 1.0;
+}
 
 // Of a larger image. Distances from the optical axis stay those of the image: r = 1 in its corner.
 struct ImageWindow {

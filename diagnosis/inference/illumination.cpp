@@ -151,6 +151,7 @@ struct Kind {
     const char *name;
     std::vector<std::size_t> sequences, measured_on;
     Blocks light;
+    double level_dn = 0.0; // on the axis; the harmonic mean, as what is constant has a part of each one's of its own
 };
 
 // 1 + sx x + sy y - loss r^2: what lamp and laser share is the camera's.
@@ -240,7 +241,7 @@ std::optional<LampDrift> drift_of(const CaptureLayout &layout, std::size_t seque
     if (!(expected > 0.0) ||
         fisher_upper(found / expected, freedom, freedom * std::max(1.0, counted - 1.0)) > kIllumination.certain)
         return {};
-    LampDrift result{of.name, std::sqrt(std::max(0.0, found - expected)) / light, {}};
+    LampDrift result{of.name, std::sqrt(std::max(0.0, found - expected)) / light, {}, light};
     for (const double one : frame_mean)
         result.frame_light.push_back(static_cast<float>((one - black) / light));
     return result;
@@ -281,6 +282,7 @@ LabLights measure_lab_lights(const Capture &capture) {
     for (Kind &kind : kinds) {
         // Block by block, as masks may differ; over the light on the axis, which they do not change.
         Blocks light = Blocks::Zero(dark.rows(), dark.cols()), weights = light;
+        double levels = 0.0, weighed = 0.0;
         for (const std::size_t s : kind.measured_on) {
             Blocks one = block_means(grid, layout, s, capture.codes[s]) - dark;
             const Fit shape = fit(grid, one, kIllumination.degree);
@@ -293,7 +295,10 @@ LabLights measure_lab_lights(const Capture &capture) {
             const double weight = 1.0 / variance_of(smooth);
             light += one.isFinite().select(weight * one, 0.0);
             weights += one.isFinite().select(Blocks::Constant(one.rows(), one.cols(), weight), 0.0);
+            levels += weight / shape.coefficients[0];
+            weighed += weight;
         }
+        kind.level_dn = levels > 0.0 ? weighed / levels : 0.0;
         kind.light = (weights > 0.0).select(light / weights, std::numeric_limits<double>::quiet_NaN());
         const Fit quadratic = fit(grid, kind.light, kIllumination.degree),
                   high = fit(grid, kind.light, kIllumination.high_degree);
@@ -331,6 +336,7 @@ LabLights measure_lab_lights(const Capture &capture) {
             const Fit &best = 2.0 * p_high <= kIllumination.certain ? high : quadratic;
             found.light.origin_px = grid.origin;
             found.light.unit_px = grid.unit;
+            found.light.level_dn = kind.level_dn;
             for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)
                 found.light.coefficients.push_back(best.coefficients[k] / best.coefficients[0]);
         }
@@ -352,8 +358,10 @@ void set_illumination(const LabLights &found, CaptureLayout &layout) {
                 sequence.illumination = light.light;
     for (const LampDrift &drift : found.drifts)
         for (SequenceLayout &sequence : layout.sequences)
-            if (sequence.name == drift.sequence)
+            if (sequence.name == drift.sequence) {
                 sequence.frame_light = drift.frame_light;
+                sequence.frame_light_level_dn = drift.level_dn;
+            }
 }
 
 } // namespace clsp

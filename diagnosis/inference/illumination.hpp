@@ -24,6 +24,7 @@ struct LampDrift {
     std::string sequence;
     double deviation = 0.0; // of a frame's light, over its mean
     std::vector<float> frame_light;
+    double level_dn = 0.0; // their mean
 };
 
 struct LabLights {

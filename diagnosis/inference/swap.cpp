@@ -196,8 +196,9 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
     return result;
 }
 
-// The state after a move, if it is better; else the move's effect may be noted as a rival.
-std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, double at) {
+// The state after a move, if it is better by a gain; else the move's effect may be noted as a rival.
+std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model,
+                                 double least_gain, double at) {
     const FittedModel &whole = state.models.back();
     SearchState other;
     other.given = state.given;
@@ -218,7 +219,7 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
         return {};
     if (fitted.score < whole.score + kSwap.give_up_form)
         fits.polish(other.model, other.pool, fitted, at);
-    if (fitted.score > whole.score - kGrowth.least_gain) {
+    if (fitted.score > whole.score - least_gain) {
         if (move.place < state.steps.size())
             note_rival(state.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
         return {};
@@ -256,10 +257,10 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
 }
 
 // Makes the best of some moves by their own replicates; false if none is better than what is there.
-bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, double at) {
+bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, double least_gain, double at) {
     std::optional<SearchState> best;
     for (Promising &one : moves)
-        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), at);
+        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), least_gain, at);
             other && (!best || other->models.back().score < best->models.back().score))
             best = std::move(other);
     if (!best)
@@ -285,7 +286,7 @@ bool swap(ModelFit &fits, SearchState &state, double at) {
     const bool adds = whole.residual.detected && state.model.effects.size() < most_effects(fits, state);
     const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
     const std::vector<Move> tried = moves_of(fits, state, adds);
-    return make_best(fits, state, best_moves(fits, state, tried, least, at), at);
+    return make_best(fits, state, best_moves(fits, state, tried, least, at), kGrowth.least_gain, at);
 }
 
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
@@ -301,7 +302,8 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     double least = now;
     if (!possible([&] { least = quick_fit(fits.runner(), fits, state.model, state, now).square; }))
         return false;
-    return make_best(fits, state, best_moves(fits, state, tried, least + kSwap.quickly_alike, at), at);
+    // The likelier of two that explain all; no parameter more must be worth its while.
+    return make_best(fits, state, best_moves(fits, state, tried, least + kSwap.quickly_alike, at), 0.0, at);
 }
 
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {

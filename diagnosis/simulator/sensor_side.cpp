@@ -35,9 +35,10 @@ std::vector<float> SensorSide::laser_factors(const SequenceModel &model, std::si
             factors[frame] = static_cast<float>(
                 std::max(0.0, 1.0 + model.power_flicker *
                                         host_normals(seed, frame_number(sequence, frame), kStreamFlicker)[0]));
-    const std::vector<float> &lamp = layout_.sequences[sequence].frame_light;
-    for (std::size_t frame = 0; frame < std::min<std::size_t>(frame_count, lamp.size()); ++frame)
-        factors[frame] *= lamp[frame];
+    const SequenceLayout &of = layout_.sequences[sequence];
+    const double part = variation_of_source(of.frame_light_level_dn, model.ambient_dn);
+    for (std::size_t frame = 0; frame < std::min<std::size_t>(frame_count, of.frame_light.size()); ++frame)
+        factors[frame] *= static_cast<float>(std::max(0.0, 1.0 + part * (double{of.frame_light[frame]} - 1.0)));
     return factors;
 }
 
@@ -48,13 +49,17 @@ const SensorSide::Unevenness &SensorSide::unevenness_of(std::size_t sequence) {
     const SmoothLight &light = layout_.sequences[sequence].illumination;
     for (std::uint32_t y = 0; y < layout_.height; ++y)
         for (std::uint32_t x = 0; x < layout_.width; ++x)
-            result.host.push_back(static_cast<float>(light.at(x, y)));
+            result.host.push_back(static_cast<float>(light.at(x, y) - 1.0));
     result.device = DeviceBuffer(context_, pixels_ * sizeof(float), result.host.data());
     return result;
 }
 
 std::vector<float> SensorSide::fall_off(const SequenceModel &model, std::size_t sequence) {
-    std::vector<float> kept = model.uneven ? unevenness_of(sequence).host : std::vector<float>(pixels_, 1.0f);
+    std::vector<float> kept(pixels_, 1.0f);
+    if (const float part = uneven_part(model, sequence); part > 0.0f) {
+        const std::vector<float> &off = unevenness_of(sequence).host;
+        std::transform(off.begin(), off.end(), kept.begin(), [part](float x) { return std::max(0.0f, 1.0f + part * x); });
+    }
     if (model.corner_loss == 0.0)
         return kept;
     const Vignetting vignetting = vignetting_of(model);
@@ -77,7 +82,7 @@ void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &mode
         .add(cl_ulong{model.frames_differ ? pixels_ : 0})
         .add(factors_.get())
         .add(model.uneven ? unevenness_of(sequence).device.get() : factors_.get())
-        .add(cl_uint{model.uneven})
+        .add(cl_float{uneven_part(model, sequence)})
         .add(static_cast<cl_float>(ambient))
         .add(vignetting_of(model).kernel_argument())
         .add(light_.get())

@@ -37,11 +37,18 @@ class SensorSide {
 
   private:
     void configure(const SequenceModel &model, const SimulationLevels &levels, std::uint64_t seed);
+    // What light is off from 1 at each pixel.
     struct Unevenness {
         std::vector<float> host;
         DeviceBuffer device;
     };
     const Unevenness &unevenness_of(std::size_t sequence);
+    // Of lamp or laser, where the light with what is constant is off by 1; 0 where it is even.
+    float uneven_part(const SequenceModel &model, std::size_t sequence) const {
+        return model.uneven ? static_cast<float>(variation_of_source(layout_.sequences[sequence].illumination.level_dn,
+                                                                     model.ambient_dn))
+                            : 0.0f;
+    }
 
     std::shared_ptr<Context> context_;
     CaptureLayout layout_;

@@ -261,6 +261,30 @@ TEST_F(Physics, SurfaceAndMotion) {
                 0.06 * sharp);
 }
 
+// What was measured is all light, of which ambient light has its part everywhere and in every frame.
+TEST_F(GapSimulator, LampAndAmbientLightTogetherAreAsUnevenAsFramesWere) {
+    CaptureLayout layout = small_layout();
+    SequenceLayout &flat = layout.sequences[kFlat];
+    flat.illumination = {{31.5, 23.5}, 31.5, {0.2, 0.0}, 130.0};
+    flat.frame_light = {1.1f, 0.9f};
+    flat.frame_light_level_dn = 130.0;
+    Simulator simulator(context, layout);
+    for (const double ambient : {0.0, 30.0}) {
+        // 130 DN in all, whatever part of it is ambient.
+        const std::vector<EffectSetting> effects =
+            ambient > 0.0 ? std::vector<EffectSetting>{{"ambient_light", {ambient}}} : std::vector<EffectSetting>{};
+        const double lamp = 130.0 - ambient;
+        const Codes codes = draw(simulator, kFlat, effects, {lamp, 64.0, 0.0}, 5, 2);
+        for (std::uint32_t t = 0; t < 2; ++t)
+            for (std::uint32_t x = 0; x < layout.width; ++x) {
+                const double uneven = 1.0 + 0.2 * (x - 31.5) / 31.5 * 130.0 / lamp,
+                             drift = 1.0 + (t == 0 ? 0.1 : -0.1) * 130.0 / lamp;
+                ASSERT_NEAR(codes[t * layout.pixel_count() + x], 64.0 + lamp * uneven * drift + ambient, 0.51);
+            }
+        EXPECT_NEAR(simulator.mean_intensity(kFlat, effects, 5, 2), 1.0, 1e-6);
+    }
+}
+
 TEST_F(Physics, Optics) {
     // A pupil's phase leaves the grain, its size and shape do not.
     EXPECT_NEAR(correlation(many(kBoardMoving, {{"defocus", {1.5}}}), 2, 0), speckle_correlation(kDiameter, 0.0, 2, 0),
