@@ -91,6 +91,20 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
                                                         : candidate.strength(p, candidate.usual(p, sign), sign)});
 }
 
+bool EffectModel::is_unusual(std::size_t effect) const {
+    const Candidate &candidate = *effects[effect].candidate;
+    const double sign = effects[effect].sign;
+    return std::any_of(strengths.begin(), strengths.end(), [&](const Strength &s) {
+        if (s.effect != effect || !candidate.is_varied(s.parameter))
+            return false;
+        const HypothesisParameter &p = candidate.parameters[s.parameter];
+        if (p.weak != p.strong)
+            return s.strength > kStrengths.common;
+        const double usual = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
+        return std::abs(s.strength - usual) > kStrengths.another;
+    });
+}
+
 EffectModel EffectModel::without(std::size_t effect) const {
     EffectModel result = *this;
     result.effects.erase(result.effects.begin() + static_cast<std::ptrdiff_t>(effect));

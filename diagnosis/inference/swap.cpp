@@ -90,9 +90,14 @@ std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool 
     return result;
 }
 
+// By how much a quick fit may leave more than a whole one.
+double quick_error(const ModelFit &fits) {
+    return kSwap.quick_error * static_cast<double>(fits.runner().count());
+}
+
 // What a swap must leave to be worth a fit, where the squared distance is `now`.
 double worth_of(const ModelFit &fits, double now) {
-    return (1.0 - kSwap.least_explained) * now + kSwap.quick_error * static_cast<double>(fits.runner().count());
+    return (1.0 - kSwap.least_explained) * now + quick_error(fits);
 }
 
 // What a few rounds of a fit reach, by common random numbers from the state's model, whose squared distance is `now`.
@@ -196,9 +201,11 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
     return result;
 }
 
-// The state after a move, if it is better by a gain; else the move's effect may be noted as a rival.
-std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model,
-                                 double least_gain, double at) {
+// The state after a move, if it is better; else the move's effect may be noted as a rival. explained: nothing is left
+// to be gained. Then the likelier is better, however little, as no parameter comes to it, and of two that leave nothing
+// what the catalogue has goes before what is unlike it.
+std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
+                                 double at) {
     const FittedModel &whole = state.models.back();
     SearchState other;
     other.given = state.given;
@@ -219,12 +226,16 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
         return {};
     if (fitted.score < whole.score + kSwap.give_up_form)
         fits.polish(other.model, other.pool, fitted, at);
-    if (fitted.score > whole.score - least_gain) {
-        if (move.place < state.steps.size())
-            note_rival(state.steps[move.place], move.candidate->id, fitted, fitted.score - whole.score);
+    const double gain = whole.score - fitted.score;
+    const int more_usual = explained ? int(state.model.is_unusual(move.place)) -
+                                           int(other.model.is_unusual(other.model.effects.size() - 1))
+                                     : 0;
+    const bool goes_before = more_usual > 0 && !fitted.residual.detected;
+    if (more_usual < 0 || (!goes_before && gain < (explained ? 0.0 : kGrowth.least_gain))) {
+        if (more_usual == 0 && move.place < state.steps.size())
+            note_rival(state.steps[move.place], move.candidate->id, fitted, -gain);
         return {};
     }
-    const double gain = whole.score - fitted.score;
     RankedEffect ranked;
     ranked.effect = move.candidate->id;
     ranked.values = fitted.effects.back().values;
@@ -238,13 +249,17 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     if (begin < state.models.size()) {
         // What the effect that goes out was worth, and more.
         step.ranking = state.steps[begin].ranking;
-        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
-                                          [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
-                           step.ranking.end());
         double worth = 0.0;
         for (const RankedEffect &r : step.ranking)
-            worth = std::max(worth, r.gain);
-        ranked.gain += worth;
+            if (r.effect != ranked.effect)
+                worth = std::max(worth, r.gain);
+        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
+                                          [&](const RankedEffect &r) {
+                                              return r.effect == ranked.effect ||
+                                                     (goes_before && r.effect == state.steps[begin].added);
+                                          }),
+                           step.ranking.end());
+        ranked.gain = worth + std::max(gain, 0.0);
         other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(begin));
     }
     step.ranking.push_back(ranked);
@@ -257,10 +272,10 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
 }
 
 // Makes the best of some moves by their own replicates; false if none is better than what is there.
-bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, double least_gain, double at) {
+bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, bool explained, double at) {
     std::optional<SearchState> best;
     for (Promising &one : moves)
-        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), least_gain, at);
+        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), explained, at);
             other && (!best || other->models.back().score < best->models.back().score))
             best = std::move(other);
     if (!best)
@@ -286,7 +301,7 @@ bool swap(ModelFit &fits, SearchState &state, double at) {
     const bool adds = whole.residual.detected && state.model.effects.size() < most_effects(fits, state);
     const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
     const std::vector<Move> tried = moves_of(fits, state, adds);
-    return make_best(fits, state, best_moves(fits, state, tried, least, at), kGrowth.least_gain, at);
+    return make_best(fits, state, best_moves(fits, state, tried, least, at), false, at);
 }
 
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
@@ -302,8 +317,7 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     double least = now;
     if (!possible([&] { least = quick_fit(fits.runner(), fits, state.model, state, now).square; }))
         return false;
-    // The likelier of two that explain all; no parameter more must be worth its while.
-    return make_best(fits, state, best_moves(fits, state, tried, least + kSwap.quickly_alike, at), 0.0, at);
+    return make_best(fits, state, best_moves(fits, state, tried, least + quick_error(fits), at), true, at);
 }
 
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {

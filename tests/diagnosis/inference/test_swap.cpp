@@ -170,6 +170,57 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
     EXPECT_EQ(2u, result.equivalent.size());
 }
 
+// Of two that leave nothing the likelier is taken, though it gains less than a parameter is worth: none is added.
+TEST_F(Swap, TheLikelierOfTwoThatExplainAll) {
+    std::vector<Hypothesis> twins(2);
+    for (std::size_t i = 0; i < twins.size(); ++i) {
+        Hypothesis &twin = twins[i];
+        twin.id = i == 0 ? "tilt" : "bend";
+        twin.stage = "optics";
+        twin.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
+        twin.apply = [bent = i == 0 ? 0.0 : 0.008](const HypothesisFrame &frame) {
+            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
+                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at) {
+                    const double u = double(x) / frame.layout->width - 0.5;
+                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (u + bent * (u * u - 1.0 / 12.0)));
+                }
+        };
+    }
+    ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 6, twins),
+                           twins, 2);
+    ModelFit fits(runner, options(), {});
+    fits.fit_baseline(0.0);
+    all = candidates(twins, {});
+    SearchState state = state_of(fits, {"bend", "row_noise"}, {"tilt"});
+    ASSERT_FALSE(state.models.back().residual.detected);
+    const double before = state.models.back().score;
+    EXPECT_TRUE(swap_confusable_effects(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "tilt"}));
+    const double gain = before - state.models.back().score;
+    EXPECT_GT(gain, 0.0);
+    EXPECT_LT(gain, kGrowth.least_gain);
+    // And it stays.
+    state.screened = {{&candidate("bend"), state.models.back().jacobian.col(1)}};
+    EXPECT_FALSE(swap_confusable_effects(fits, state, 0.0));
+}
+
+// A pixel of a third of its area does what little crosstalk does, and the catalogue has whole ones.
+TEST_F(Swap, WhatTheCatalogueHasIsLikelier) {
+    ReplicateRunner runner(context(), simulated({{"crosstalk", {0.07}}, {"row_noise", {2.0}}}, kCaptureSeed + 3), {},
+                           2);
+    ModelFit fits(runner, options(), {});
+    fits.fit_baseline(0.0);
+    SearchState state = state_of(fits, {"pixel_integration", "row_noise"}, {"crosstalk"});
+    ASSERT_FALSE(state.models.back().residual.detected);
+    ASSERT_TRUE(state.model.is_unusual(0));
+    EXPECT_FALSE(state.model.is_unusual(1));
+    EXPECT_TRUE(swap_confusable_effects(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "crosstalk"}));
+    SearchState right = state_of(fits, {"crosstalk", "row_noise"}, {"pixel_integration"});
+    EXPECT_FALSE(swap_confusable_effects(fits, right, 0.0));
+    EXPECT_EQ(1u, right.steps.front().ranking.size());
+}
+
 // A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.
 TEST_F(Swap, ADoubtfulResidualIsConfirmed) {
     ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}}, kCaptureSeed + 12), {}, 2);
