@@ -91,18 +91,19 @@ void EffectModel::add(const Candidate &candidate, double sign, double strength) 
                                                         : candidate.strength(p, candidate.usual(p, sign), sign)});
 }
 
-bool EffectModel::is_unusual(std::size_t effect) const {
+double EffectModel::unlikelihood(std::size_t effect) const {
     const Candidate &candidate = *effects[effect].candidate;
     const double sign = effects[effect].sign;
-    return std::any_of(strengths.begin(), strengths.end(), [&](const Strength &s) {
+    double sum = 0.0;
+    for (const Strength &s : strengths) {
         if (s.effect != effect || !candidate.is_varied(s.parameter))
-            return false;
+            continue;
         const HypothesisParameter &p = candidate.parameters[s.parameter];
-        if (p.weak != p.strong)
-            return s.strength > kStrengths.common;
         const double usual = candidate.strength(s.parameter, candidate.usual(s.parameter, sign), sign);
-        return std::abs(s.strength - usual) > kStrengths.another;
-    });
+        const double off = p.weak == p.strong ? s.strength - usual : std::max(0.0, s.strength - kStrengths.common);
+        sum += std::pow(off / kStrengths.deviation, 2);
+    }
+    return sum;
 }
 
 EffectModel EffectModel::without(std::size_t effect) const {

@@ -46,8 +46,8 @@ struct EffectModel {
         for (Strength &s : strengths)
             s.held = held;
     }
-    // Whether an effect is other than the catalogue has it: far stronger, or, where the catalogue has one value, away from that.
-    bool is_unusual(std::size_t effect) const;
+    // How unlikely an effect's parameters are beside what the catalogue has: -2 ln of a probability, 0 within its range.
+    double unlikelihood(std::size_t effect) const;
     // Of each strength from that of a model of the same effects.
     Eigen::VectorXd distance_from(const EffectModel &other) const;
     // How far to go with a strength for a finite difference. part: of the usual one; below 0: the other way.

@@ -135,9 +135,10 @@ struct Promising {
     double square;
 };
 
-// Of some moves the best and what a quick fit does not tell from it, where they leave a squared distance below `least`.
+// Of some moves the best and those that a quick fit does not tell from it, by less than `alike`, where they leave a
+// squared distance below `least`.
 std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, const std::vector<Move> &tried,
-                                  double least, double at) {
+                                  double least, double alike, double at) {
     const FittedModel &whole = state.models.back();
     const double now = fits.square_by(whole.model.full(), whole);
     std::vector<GaussNewtonFit> reached(tried.size());
@@ -164,8 +165,8 @@ std::vector<Promising> best_moves(ModelFit &fits, const SearchState &state, cons
     std::stable_sort(result.begin(), result.end(),
                      [](const Promising &a, const Promising &b) { return a.square < b.square; });
     result.erase(std::remove_if(result.begin(), result.end(),
-                                [best = result.empty() ? 0.0 : result.front().square](const Promising &one) {
-                                    return one.square > best + kSwap.quickly_alike;
+                                [most = alike + (result.empty() ? 0.0 : result.front().square)](const Promising &one) {
+                                    return one.square > most;
                                 }),
                  result.end());
     if (result.size() > kSwap.most_whole)
@@ -202,11 +203,11 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
 }
 
 // The state after a move, if it is better; else the move's effect may be noted as a rival. explained: nothing is left
-// to be gained. Then the likelier is better, however little, as no parameter comes to it, and of two that leave nothing
-// what the catalogue has goes before what is unlike it.
+// to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what is as the
+// catalogue has it.
 std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
                                  double at) {
-    const FittedModel &whole = state.models.back();
+    FittedModel &whole = state.models.back();
     SearchState other;
     other.given = state.given;
     other.screened = state.screened;
@@ -226,13 +227,23 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
         return {};
     if (fitted.score < whole.score + kSwap.give_up_form)
         fits.polish(other.model, other.pool, fitted, at);
-    const double gain = whole.score - fitted.score;
-    const int more_usual = explained ? int(state.model.is_unusual(move.place)) -
-                                           int(other.model.is_unusual(other.model.effects.size() - 1))
-                                     : 0;
-    const bool goes_before = more_usual > 0 && !fitted.residual.detected;
-    if (more_usual < 0 || (!goes_before && gain < (explained ? 0.0 : kGrowth.least_gain))) {
-        if (more_usual == 0 && move.place < state.steps.size())
+    // A score depends on how many replicates there are.
+    const auto gain_by = [&](std::uint32_t count) {
+        for (FittedModel *one : {&whole, &fitted})
+            fits.judge(*one, one->model.replicates(), count, at, at);
+        return whole.score - fitted.score;
+    };
+    const auto count = static_cast<std::uint32_t>(whole.model.replicates().draws.size());
+    double gain = gain_by(std::max(count, fits.options().model_replicates));
+    if (explained) {
+        const double likelier =
+            state.model.unlikelihood(move.place) - other.model.unlikelihood(other.model.effects.size() - 1);
+        gain += likelier;
+        if (std::abs(gain) < kGrowth.least_gain) // few do not tell
+            gain = gain_by(std::max(count, kFit.confirming * fits.options().model_replicates)) + likelier;
+    }
+    if (gain < (explained ? 0.0 : kGrowth.least_gain)) {
+        if (move.place < state.steps.size())
             note_rival(state.steps[move.place], move.candidate->id, fitted, -gain);
         return {};
     }
@@ -249,17 +260,13 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     if (begin < state.models.size()) {
         // What the effect that goes out was worth, and more.
         step.ranking = state.steps[begin].ranking;
+        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
+                                          [&](const RankedEffect &r) { return r.effect == ranked.effect; }),
+                           step.ranking.end());
         double worth = 0.0;
         for (const RankedEffect &r : step.ranking)
-            if (r.effect != ranked.effect)
-                worth = std::max(worth, r.gain);
-        step.ranking.erase(std::remove_if(step.ranking.begin(), step.ranking.end(),
-                                          [&](const RankedEffect &r) {
-                                              return r.effect == ranked.effect ||
-                                                     (goes_before && r.effect == state.steps[begin].added);
-                                          }),
-                           step.ranking.end());
-        ranked.gain = worth + std::max(gain, 0.0);
+            worth = std::max(worth, r.gain);
+        ranked.gain += worth;
         other.steps.erase(other.steps.begin() + static_cast<std::ptrdiff_t>(begin));
     }
     step.ranking.push_back(ranked);
@@ -301,7 +308,7 @@ bool swap(ModelFit &fits, SearchState &state, double at) {
     const bool adds = whole.residual.detected && state.model.effects.size() < most_effects(fits, state);
     const double least = worth_of(fits, fits.square_by(whole.model.full(), whole));
     const std::vector<Move> tried = moves_of(fits, state, adds);
-    return make_best(fits, state, best_moves(fits, state, tried, least, at), false, at);
+    return make_best(fits, state, best_moves(fits, state, tried, least, kSwap.quickly_alike, at), false, at);
 }
 
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
@@ -317,7 +324,8 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
     double least = now;
     if (!possible([&] { least = quick_fit(fits.runner(), fits, state.model, state, now).square; }))
         return false;
-    return make_best(fits, state, best_moves(fits, state, tried, least + quick_error(fits), at), true, at);
+    const double alike = quick_error(fits);
+    return make_best(fits, state, best_moves(fits, state, tried, least + alike, alike, at), true, at);
 }
 
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {

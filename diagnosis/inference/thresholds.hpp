@@ -20,9 +20,9 @@ struct Thresholds {
         // strength | a second search stays below, once one went beyond: far out an effect imitates others |
         // docs/gap-check.md Out of focus
         double common = 1.3;
-        // strength | so far from the only value that the catalogue has it is another |
+        // strength | standard deviation of what lies beyond that, or off the only value that the catalogue has |
         // tests/diagnosis/inference/test_swap.cpp WhatTheCatalogueHasIsLikelier
-        double another = 0.5;
+        double deviation = 0.15;
         // strength | a search ends there; a fit goes on where its last step leads beyond |
         // tests/diagnosis/inference/test_swap.cpp AFitGoesOnWhereTheSearchEnds
         double strongest = 2.0;
