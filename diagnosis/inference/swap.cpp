@@ -202,11 +202,17 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
     return result;
 }
 
+// A state that is better by a gain.
+struct Better {
+    SearchState state;
+    double gain;
+};
+
 // The state after a move, if it is better; else the move's effect may be noted as a rival. explained: nothing is left
 // to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what is as the
 // catalogue has it.
-std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
-                                 double at) {
+std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
+                            double at) {
     FittedModel &whole = state.models.back();
     SearchState other;
     other.given = state.given;
@@ -275,19 +281,19 @@ std::optional<SearchState> moved(ModelFit &fits, SearchState &state, const Move 
     other.models = models_until(state, begin, other.steps.size());
     other.steps.back().residual = fitted.residual;
     other.models.back() = std::move(fitted);
-    return other;
+    return Better{std::move(other), gain};
 }
 
 // Makes the best of some moves by their own replicates; false if none is better than what is there.
 bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, bool explained, double at) {
-    std::optional<SearchState> best;
+    std::optional<Better> best;
     for (Promising &one : moves)
-        if (std::optional<SearchState> other = moved(fits, state, *one.move, std::move(one.model), explained, at);
-            other && (!best || other->models.back().score < best->models.back().score))
+        if (std::optional<Better> other = moved(fits, state, *one.move, std::move(one.model), explained, at);
+            other && (!best || other->gain > best->gain))
             best = std::move(other);
     if (!best)
         return false;
-    state = std::move(*best);
+    state = std::move(best->state);
     return true;
 }
 

@@ -17,6 +17,25 @@ namespace {
 using namespace clsp;
 using namespace clsp::attribution_test;
 
+// "tilt", which makes light rise to one side, and another one that bends it on the way.
+std::vector<Hypothesis> tilts(const char *other, double bent) {
+    const auto tilt = [](const char *id, double bend) {
+        Hypothesis result;
+        result.id = id;
+        result.stage = "optics";
+        result.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
+        result.apply = [bend](const HypothesisFrame &frame) {
+            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
+                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at) {
+                    const double u = double(x) / frame.layout->width - 0.5;
+                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (u + bend * (u * u - 1.0 / 12.0)));
+                }
+        };
+        return result;
+    };
+    return {tilt("tilt", 0.0), tilt(other, bent)};
+}
+
 class Swap : public testing::Test {
   protected:
     SearchOptions options() const {
@@ -136,18 +155,7 @@ TEST_F(Swap, NothingForWhatIsRight) {
 
 // Two names for one thing: nothing is swapped, but the choice is no certain one any more.
 TEST_F(Swap, WhatDoesAsWellIsARival) {
-    std::vector<Hypothesis> twins(2);
-    for (std::size_t i = 0; i < twins.size(); ++i) {
-        Hypothesis &twin = twins[i];
-        twin.id = i == 0 ? "tilt" : "slope";
-        twin.stage = "optics";
-        twin.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
-        twin.apply = [](const HypothesisFrame &frame) {
-            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
-                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at)
-                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (double(x) / frame.layout->width - 0.5));
-        };
-    }
+    const std::vector<Hypothesis> twins = tilts("slope", 0.0);
     ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 6, twins),
                            twins, 2);
     ModelFit fits(runner, options(), {});
@@ -172,20 +180,7 @@ TEST_F(Swap, WhatDoesAsWellIsARival) {
 
 // Of two that leave nothing the likelier is taken, though it gains less than a parameter is worth: none is added.
 TEST_F(Swap, TheLikelierOfTwoThatExplainAll) {
-    std::vector<Hypothesis> twins(2);
-    for (std::size_t i = 0; i < twins.size(); ++i) {
-        Hypothesis &twin = twins[i];
-        twin.id = i == 0 ? "tilt" : "bend";
-        twin.stage = "optics";
-        twin.parameters = {{"share", "1", 0.0, 1.0, 0.05, 0.5}};
-        twin.apply = [bent = i == 0 ? 0.0 : 0.01](const HypothesisFrame &frame) {
-            for (std::uint32_t y = 0, at = 0; y < frame.layout->height; ++y)
-                for (std::uint32_t x = 0; x < frame.layout->width; ++x, ++at) {
-                    const double u = double(x) / frame.layout->width - 0.5;
-                    frame.pixels[at] *= static_cast<float>(1.0 + frame.values[0] * (u + bent * (u * u - 1.0 / 12.0)));
-                }
-        };
-    }
+    const std::vector<Hypothesis> twins = tilts("bend", 0.01);
     ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 6, twins),
                            twins, 2);
     ModelFit fits(runner, options(), {});
