@@ -1,10 +1,11 @@
 """What is told of arrays that are valid and can hardly be meant, as the program tells it of files.
 
-Each check looks at a thousand numbers of an image, unless these look odd: a frame takes no longer for it. The texts
-of one cause are the same for all frames of a series, so that Python shows one of them for a line that calls."""
+Each check looks at a thousand numbers of an image, unless these look odd. The texts of one cause are
+the same for all frames of a series, so that Python shows one of them for a line that calls."""
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import sys
@@ -37,6 +38,7 @@ def warn(text: str) -> None:
     warnings.warn(text, stacklevel=level)
 
 
+@functools.lru_cache(maxsize=64)
 def _sampled(shape: tuple[int, ...]) -> slice:
     """A thousand of all pixels, in row-major order, whose columns take turns."""
     height, width = shape[:2]
