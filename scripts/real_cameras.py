@@ -115,8 +115,8 @@ def main() -> int:
         return 1
     text = (
         "# Real cameras\n\nMade by `scripts/real_cameras.py DATA`: every capture set there is diagnosed with seed 0. "
-        "[EMVA 1288](../emva1288.md) numbers are of the\nframes alone; fitted effects are the diagnosis's "
-        "([diagnosis](../diagnosis.md)). `conditional`: a scene in which the effect shows has a residual.\n\n"
+        "[EMVA 1288](../method/emva1288.md) numbers are of the\nframes alone; fitted effects are the diagnosis's "
+        "([diagnosis](../method/diagnosis.md)). `conditional`: a scene in which the effect shows has a residual.\n\n"
     )
     for folder in sets:
         print(f"{folder.name} ...", file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ void add_depth(CLI::App &app, DepthArguments &a) {
     app.footer(
         R"(FRAMES show the dots of a laser: images, stacks, folders or glob patterns, all of one size; values as stored. Of each
 frame the dots are found with centres to a fraction of a pixel, identified by their neighbourhood along their
-epipolar lines, and triangulated (docs/depth.md). Dots without a depth get a reason.
+epipolar lines, and triangulated (docs/guide/depth.md). Dots without a depth get a reason.
 
 --dots LIST: the directions of the pattern's dots in the laser's frame, two numbers in a line (x/z, y/z), or an NPY array
 of two columns, at most 16384 rows. Or the JSON of `clspeckle doe layout` or `doe design`, whose direction cosines are

@@ -19,7 +19,7 @@ constexpr std::size_t measured_shown = 8;
 // (Student's t of seven degrees of freedom) one of a thousand does, of some 80.
 constexpr double measured_apart = 6;
 constexpr double bar_cells = 40;
-// Of the level: at what a residual is tested, as there are several models to a capture (docs/diagnosis.md).
+// Of the level: at what a residual is tested, as there are several models to a capture (docs/method/diagnosis.md).
 constexpr double residual_part = 0.25;
 
 std::string joined(const std::vector<std::string> &words, const std::string &last) {

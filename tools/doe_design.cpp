@@ -41,7 +41,7 @@ Examples:
 constexpr const char *layout_examples =
     R"(Puts dots into a field of view: at random, but with a least distance, and so that the dots around a dot tell it from the
 others of its row. The measure of that, 0 for dots that look alike and 1 for dots whose neighbourhoods have nothing in
-common, is printed for the two dots that are most alike; docs/doe-design.md defines it.
+common, is printed for the two dots that are most alike; docs/method/doe-design.md defines it.
 
 Written: OUTPUT.json with "directions" and, on the orders of a cell, "orders", which `clspeckle doe design` takes.
 

@@ -11,7 +11,7 @@
 
 namespace tools {
 
-/** Reads the description of an effect (docs/diagnosis.md) and the OpenCL source that it names. Throws InputError. */
+/** Reads the description of an effect (docs/method/diagnosis.md) and the OpenCL source it names. Throws InputError. */
 clspeckle::Hypothesis read_hypothesis(const std::string &path);
 
 } // namespace tools

@@ -173,16 +173,16 @@ Examples:
 )";
 
 constexpr const char *diagnose_examples =
-    R"(CAPTURE is the folder of a capture set: what a camera recorded (docs/captures.md). The simulator draws the same
-sequences, calibrated to the camera's light levels, black level and read noise, again and again; statistics of both
-are compared.
+    R"(CAPTURE is the folder of a capture set: what a camera recorded (docs/guide/captures.md). The simulator draws
+the same sequences again and again, calibrated to the camera's light levels, black level and read noise. Statistics of
+both are compared.
 Verdicts:
   none       no gap between camera and simulator at the level
   named      one effect, or the smallest set of effects that is needed, explains the gap
   ambiguous  two or more effects explain it equally well; the advice says which capture would tell
   unknown    a significant part of the gap is explained by no effect of the catalogue (clspeckle effects)
 The exit code is 0 whenever a report was made, whatever it says. The same seed gives the same report. What the numbers
-mean: docs/diagnosis.md.
+mean: docs/method/diagnosis.md.
 
 Examples:
   clspeckle diagnose my-camera
@@ -200,10 +200,10 @@ Help on a command: clspeckle gap compare --help
 )";
 
 constexpr const char *gap_compare_examples =
-    R"(REAL and SIM are the folders of two capture sets (docs/captures.md), the second from any simulator. Sequences are
-paired by name, else by scene and motion, brought to the same light, and compared with the statistics of clspeckle
+    R"(REAL and SIM are the folders of two capture sets (docs/guide/captures.md), the second from any simulator. Sequences
+are paired by name, else by scene and motion, brought to the same light, and compared with the statistics of clspeckle
 diagnose. Then the catalogue's effects are put on SIM's frames, as far as that can be done with finished frames, to say
-which of them would close how much. Verdicts and exit code are those of diagnose; docs/gap-compare.md has the method.
+which of them would close how much. Verdicts and exit code are those of diagnose. The method: docs/guide/gap-compare.md.
 
 Examples:
   clspeckle gap compare my-camera my-simulator
@@ -212,8 +212,8 @@ Examples:
 
 constexpr const char *gap_check_examples =
     R"(How often is the diagnosis right? An independent generator, Python with NumPy and SciPy, draws capture sets with
-known gaps; this program diagnoses them without the keys; a scorer counts (docs/gap-check.md). A stopped run goes on
-where it was. The table, the wrong sets and, with Matplotlib, figures lie in FOLDER/score.
+known gaps; this program diagnoses them without the keys; a scorer counts (docs/results/gap-check.md). A stopped run goes
+on where it was. The table, the wrong sets and, with Matplotlib, figures lie in FOLDER/score.
 
 Examples:
   clspeckle gap check --plan small --out check
@@ -224,7 +224,7 @@ Examples:
 constexpr const char *gap_power_examples =
     R"(How weak an effect is still seen, and named? The generator of `gap check` draws effects at 0.05 to 1 times the
 catalogue's weakest strength, for several numbers of frames; this program diagnoses them without the keys. A stopped
-run goes on where it was. Table and, with Matplotlib, figure lie in FOLDER (docs/gap-check.md).
+run goes on where it was. Table and, with Matplotlib, figure lie in FOLDER (docs/results/gap-check.md).
 
 Examples:
   clspeckle gap power --out power --jobs 2
@@ -234,7 +234,7 @@ Examples:
 constexpr const char *tune_examples =
     R"(An aperture's Fourier transforms are made by clFFT or by the library's own engine, in vector lanes or in work-groups.
 This measures all of them on a device (lanes not on GPUs), in turn, and keeps medians and choice in the tuning record,
-a JSON file that later runs of the program and the library follow (docs/runtime.md). Whatever runs beside it spoils
+a JSON file that later runs of the program and the library follow (docs/guide/runtime.md). What runs beside it spoils
 the measurement. The fastest is chosen, or the device's default where that is not slower by more than the noise.
 Ctrl-C stops without writing. CLSPECKLE_FFT overrides the record; CLSPECKLE_TUNING names another one, or is off.
 
@@ -676,12 +676,14 @@ void add_diagnose(CLI::App &app, tools::DiagnoseArguments &a, bool &quiet) {
     app.footer(std::string(diagnose_examples) + "\n" + exit_codes);
     app.add_option("CAPTURE", a.folder, "Folder of the capture set, or its capture.json")->required()->type_name("");
     app.add_option("--hypothesis", a.hypotheses,
-                   "An effect of your own, as JSON and OpenCL source (docs/diagnosis.md); may be given several times")
+                   "An effect of your own, as JSON and OpenCL source (docs/method/diagnosis.md); may be given "
+                   "several times")
         ->allow_extra_args(false)
         ->type_name("FILE")
         ->check(named());
     app.add_option("--tolerance", a.tolerances,
-                   "What you accept of the simulator's error, as JSON (docs/diagnosis.md): the report says whether it is")
+                   "What you accept of the simulator's error, as JSON (docs/method/diagnosis.md): the report "
+                   "says whether it is")
         ->type_name("FILE")
         ->check(named());
     app.add_option("--emva", a.emva,
@@ -910,7 +912,7 @@ int run(int argc, char **argv) {
         image_io::listed("or", [](const image_io::Format &f) { return f.codes == image_io::Codes::frames; });
     capture.footer(
         fmt::format("A capture set is what a camera recorded: a folder with a capture.json and .npy stacks, or {} "
-                    "frames\n(docs/captures.md).\n\n",
+                    "frames\n(docs/guide/captures.md).\n\n",
                     frames) +
         capture_examples);
     capture.require_subcommand(1);

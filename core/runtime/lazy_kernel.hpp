@@ -1,5 +1,5 @@
 // A kernel that not every run needs, built when it first does: a program costs a start some 40 ms on PoCL, even one
-// that it has compiled before (docs/performance.md, first start).
+// that it has compiled before (docs/results/performance.md, first start).
 #pragma once
 
 #include "runtime/context.hpp"

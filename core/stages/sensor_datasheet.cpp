@@ -61,7 +61,7 @@ double saturation_of(const SensorDatasheet &d) {
     return saturation;
 }
 
-// docs/sensor.md says where each number comes from.
+// docs/method/sensor.md says where each number comes from.
 SensorDatasheet os04a10() {
     SensorDatasheet d;
     d.width = 2688;

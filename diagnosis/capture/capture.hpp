@@ -124,7 +124,7 @@ struct PixelBlock {
 struct CaptureWarning {
     std::string sequence; // its name; empty: the whole set
     std::string text;
-    std::string kind{};                // a word of the table in docs/captures.md
+    std::string kind{};                // a word of the table in docs/guide/captures.md
     std::vector<std::size_t> frames{}; // that it is about, from 0; empty: all
     std::vector<PixelBlock> pixels{};  // that it is about; empty: all
 };

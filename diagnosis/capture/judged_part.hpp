@@ -47,7 +47,7 @@ struct JudgedPart {
 
 // Frames times pixels of all sequences that are judged, as long as nothing else is asked for.
 constexpr std::uint64_t kMostJudgedPixels = 9'000'000;
-// As many frames have the power of the check (docs/gap-check.md); further pixels go into the window.
+// As many frames have the power of the check (docs/results/gap-check.md); further pixels go into the window.
 constexpr std::uint32_t kEnoughFrames = 24;
 
 // A large image is judged in a strip along its longer side, through the optical axis: it reaches nearly as far from the

@@ -18,7 +18,7 @@ struct Thresholds {
         // tests/diagnosis/inference/test_attribution.cpp StrengthsEndWhereValuesDo
         double weakest = -0.8;
         // strength | a second search stays below, once one went beyond: far out an effect imitates others |
-        // docs/gap-check.md Out of focus
+        // docs/results/gap-check.md Out of focus
         double common = 1.3;
         // strength | standard deviation of what lies beyond that, or off the only value that the catalogue has |
         // tests/diagnosis/inference/test_swap.cpp WhatTheCatalogueHasIsLikelier
@@ -55,11 +55,11 @@ struct Thresholds {
 
     // What the simulator is known to get wrong.
     struct ModelError {
-        // part of a change | added to the deviation of what effects change | docs/gap-check.md Where the catalogue
+        // part of a change | added to the deviation of what they change | docs/results/gap-check.md Where the catalogue
         // leaves a choice
         double of_effects = 0.025;
         // part of the above | counted in the intervals of parameters; by 0 42 of 45 hold the truth of another
-        // simulator, by this 86 of 91 others | docs/gap-check.md
+        // simulator, by this 86 of 91 others | docs/results/gap-check.md
         double of_effects_in_intervals = 0.3;
         // captures | tell what the image's border does | tests/diagnosis/run/test_image_border.py
         std::size_t bordered_captures = 24;
@@ -107,13 +107,13 @@ struct Thresholds {
 
     // Whether an effect is added.
     struct Growth {
-        // -2 ln likelihood ratio | an effect that gains less is not worth a parameter | docs/gap-check.md False alarms
+        // -2 ln likelihood ratio | an effect that gains less is worth no parameter | docs/results/gap-check.md False alarms
         // by number of frames
         double least_gain = 14.0;
-        // part of what is left | while something is left, an effect that explains less is none | docs/gap-check.md
+        // part of what is left | while some is left, an effect that explains less is none | docs/results/gap-check.md
         // Effects outside the catalogue
         double least_share = 0.12;
-        // part of what is left | the same, once little is left | docs/gap-check.md Latest result
+        // part of what is left | the same, once little is left | docs/results/gap-check.md Latest result
         double least_share_of_little = 0.04;
         // part of the first gap | less is little; effects are swapped there | tests/diagnosis/run/test_search.py
         // test_of_two_swaps_the_better_is_made
@@ -175,7 +175,7 @@ struct Thresholds {
         // probability | a residual less likely may come of an effect that resembles the true one |
         // tests/diagnosis/inference/test_swap.cpp AnEffectThatResemblesTheTrueOne
         double seldom = 0.05;
-        // probability | what is left and less likely starts a second search | docs/inference.md How effects are
+        // probability | what is left and less likely starts a second search | docs/method/inference.md How effects are
         // searched for
         double beyond_doubt = 1e-6;
         // times | as many replicates for a residual in doubt | tests/diagnosis/inference/test_swap.cpp

@@ -1,5 +1,5 @@
 // What a test engineer computes of dark and flat frames before any simulation: EMVA 1288 (release 4.0) and photon
-// transfer, of the raw codes alone. docs/emva1288.md has the formulas.
+// transfer, of the raw codes alone. docs/method/emva1288.md has the formulas.
 #pragma once
 
 #include "capture/capture.hpp"
@@ -61,7 +61,7 @@ struct Emva1288 {
     EmvaValue dark_level, dark_noise;                        // DN; the noise with the quantization's
     EmvaValue dark_noise_e;                                  // electrons, without it
     EmvaNonuniformity dsnu, dsnu_e, prnu;                    // DN, electrons, %
-    double defect_share_dark = 0.0, defect_share_flat = 0.0; // of pixels, not counted above: docs/emva1288.md
+    double defect_share_dark = 0.0, defect_share_flat = 0.0; // of pixels, not counted above: docs/method/emva1288.md
     EmvaValue linearity_min, linearity_max;                  // %
     EmvaValue saturation, saturation_e;                      // signal above dark, DN, electrons
     EmvaValue sensitivity_threshold;                         // electrons

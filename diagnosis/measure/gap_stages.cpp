@@ -64,7 +64,7 @@ bool light_falls_between_dots(const std::vector<GapPlace> &places, double worst)
 }
 
 // Spots where the pattern has none: a copy of the image. Where boards differ, too, which a copy of their speckle makes
-// of less contrast, no pattern has made it. Of the withheld check's sets (docs/gap-check.md) those with copies have
+// of less contrast, no pattern has made it. Of the check's sets (docs/results/gap-check.md) those with copies have
 // 0.16 of the worst deviation there and more, those of other causes 0.09 at most.
 constexpr double kPartOfSpots = 0.125;
 bool spots_between_dots(const std::vector<GapPlace> &places, double worst) {

@@ -10,7 +10,7 @@
 
 namespace clsp {
 
-// The key "emva1288" of a report (docs/emva1288.md).
+// The key "emva1288" of a report (docs/method/emva1288.md).
 image_io::JsonText emva_json(const Emva1288 &emva);
 // With the sections and element names of the package's results (release 1.0.2), which its xml_to_dict() and
 // compare_xml() read. What is not known is None.

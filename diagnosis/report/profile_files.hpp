@@ -1,4 +1,4 @@
-// A camera profile with its maps, as files: NAME.json, NAME.dark.npy, NAME.gain.npy (docs/profile.md).
+// A camera profile with its maps, as files: NAME.json, NAME.dark.npy, NAME.gain.npy (docs/reference/profile.md).
 #pragma once
 
 #include "measure/camera_profile.hpp"

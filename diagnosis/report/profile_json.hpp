@@ -1,4 +1,4 @@
-// A camera profile as a file (docs/profile.md lists its keys).
+// A camera profile as a file (docs/reference/profile.md lists its keys).
 #pragma once
 
 #include "measure/camera_profile.hpp"

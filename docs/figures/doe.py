@@ -1,4 +1,4 @@
-"""Draws the figures of docs/doe.md into docs/images and prints the numbers beside them.
+"""Draws the figures of docs/method/doe.md into docs/images and prints the numbers beside them.
 
 PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/doe.py
 

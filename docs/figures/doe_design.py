@@ -1,4 +1,4 @@
-"""Draws the figures of docs/doe-design.md into docs/images, and prints the figures of its tables.
+"""Draws the figures of docs/method/doe-design.md into docs/images, and prints the figures of its tables.
 
 PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/doe_design.py
 """

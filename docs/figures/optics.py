@@ -1,4 +1,4 @@
-"""Draws the figures of docs/optics.md into docs/images: pupils, point spreads and speckle, a distortion grid.
+"""Draws the figures of docs/method/optics.md into docs/images: pupils, point spreads and speckle, a distortion grid.
 
 PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/optics.py
 """

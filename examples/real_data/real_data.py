@@ -3,7 +3,7 @@
     pip install pillow scipy tqdm
     python examples/real_data/real_data.py --data IMAGES --out real-data
 
-docs/real-data.md says where the images come from, and what came out.
+docs/results/real-data.md says where the images come from, and what came out.
 
 Each folder of images becomes a capture set with what its source states of the set-up; what is not stated is assumed,
 and said so. The reports (JSON and HTML) land in OUT, a table of them in OUT/table.md.

@@ -1,4 +1,4 @@
-// What the OpenCL source of a hypothesis sees: a frame, and random numbers. docs/diagnosis.md tells users of it.
+// What the OpenCL source of a hypothesis sees: a frame, and random numbers. docs/method/diagnosis.md tells users of it.
 #ifndef CLSP_HYPOTHESIS_H
 #define CLSP_HYPOTHESIS_H
 

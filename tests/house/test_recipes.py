@@ -1,4 +1,4 @@
-"""The recipes of docs/architecture.md name files and words that are there, and commits that went that way."""
+"""The recipes of docs/guide/architecture.md name files and words that are there, and commits that went that way."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("core", "diagnosis", "docs", "io", "kernels", "tests", "tools", "validation")
-PAGE = (ROOT / "docs/architecture.md").read_text()
+PAGE = (ROOT / "docs/guide/architecture.md").read_text()
 RECIPES = dict(re.findall(r"\*\*Add (.*?)\*\*(.*?)(?=\n\*\*|\Z)", PAGE.split("## Recipes")[1], re.DOTALL))
 # What a commit that a recipe names must have touched: old folders, same steps.
 STEPS = {

@@ -1,4 +1,4 @@
-"""The statistics of a capture's sequence in float64, from the equations of docs/gap-statistics.md.
+"""The statistics of a capture's sequence in float64, from the equations of docs/method/gap-statistics.md.
 
 Frames in, a dictionary of (name, region) -> value out. Whatever the library finds with row sums, lag products and half a Fourier
 transform is found here from whole arrays.

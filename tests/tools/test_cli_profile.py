@@ -100,7 +100,7 @@ def test_profile_holds_the_camera(diagnosed: Path) -> None:
 
 def test_round_trip(ok, here: Path, diagnosed: Path) -> None:
     """Diagnosed, rendered again from the profile, compared: nothing tells them apart. Seeds are fixed. Size: the level is 2 %; of 16 other
-    pairs of one such camera, 13 had no gap (docs/profile.md). Power: without the profile's effects the same comparison finds a gap."""
+    pairs of one such camera, 13 had no gap (docs/reference/profile.md). Power: without the profile's effects the same comparison finds a gap."""
     real = diagnosed / "real"
     render_again(ok, here, real, "again")
     report = ok("gap", "compare", real, "again", "--profile", "camera.json", "--json", "-", "--quiet").json()

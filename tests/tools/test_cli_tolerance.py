@@ -12,7 +12,7 @@ from cli_support import ROOT
 
 def example() -> str:
     """The file of the docs."""
-    section = (ROOT / "docs" / "diagnosis.md").read_text().split("## What you accept")[1]
+    section = (ROOT / "docs" / "method" / "diagnosis.md").read_text().split("## What you accept")[1]
     block = re.search(r"```json\n(.*?)```", section, re.S)
     assert block
     return block[1]

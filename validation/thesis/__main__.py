@@ -7,7 +7,7 @@ Examples (with the folder `validation` on PYTHONPATH):
   python -m thesis list
   python -m thesis run --out thesis-figures
   python -m thesis run decorrelation beam_profile --out thesis-figures
-  python -m thesis page --out thesis-figures --page docs/thesis.md
+  python -m thesis page --out thesis-figures --page docs/results/thesis.md
 """
 
 from __future__ import annotations

@@ -18,15 +18,15 @@ HEAD = """# The thesis, figure by figure
 *Real-time statistical simulation of dynamic laser speckle* is what this library goes back to. Its experiments and figures are repeated here with the
 library, each with a verdict: a number that was measured beside the one that theory says, and a tolerance that is stated. The page is written by
 
-    PYTHONPATH=validation python -m thesis run --out OUT && PYTHONPATH=validation python -m thesis page --out OUT --page docs/thesis.md
+    PYTHONPATH=validation python -m thesis run --out OUT && PYTHONPATH=validation python -m thesis page --out OUT --page docs/results/thesis.md
 
 """
 
 ASSUMPTIONS = """## Figures elsewhere
 
-- Fig. 5 and 16 from a diffractive element's own phase, without a camera: [doe.md](doe.md).
-- Fig. 22 to 24 beside real speckle: [motion.md](motion.md).
-- Fig. 25, airflow: [optics.md](optics.md). Fig. 36 shows measurements, of which the thesis gives no numbers.
+- Fig. 5 and 16 from a diffractive element's own phase, without a camera: [doe.md](../method/doe.md).
+- Fig. 22 to 24 beside real speckle: [motion.md](../method/motion.md).
+- Fig. 25, airflow: [optics.md](../method/optics.md). Fig. 36 shows measurements, of which the thesis gives no numbers.
 
 ## What the thesis leaves out, and what was assumed
 

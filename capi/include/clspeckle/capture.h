@@ -4,7 +4,7 @@
  *
  * A set holds any number of sequences of raw codes of one camera: dark frames, an even light without speckle (flat), a rough board under even
  * laser light, the board under the dot pattern; at rest or moving. Any subset will do: the summary says what can be told from it. On
- * disk it is a folder with a capture.json and an .npy stack for each sequence (docs/captures.md).
+ * disk it is a folder with a capture.json and an .npy stack for each sequence (docs/guide/captures.md).
  *
  * Pixel centres are integers, x to the right, y down. Nothing here needs an OpenCL device.
  *
@@ -134,14 +134,14 @@ CLSP_API ClspStatus clspCaptureGetCodes(ClspCapture capture, uint32_t index, uin
 /** Copies the mask of a sequence; 255 everywhere if it has none. @param capacity bytes that there is room for, at least height x width. */
 CLSP_API ClspStatus clspCaptureGetMask(ClspCapture capture, uint32_t index, uint64_t capacity, uint8_t *mask);
 /**
- * What is in the capture, and what it can and cannot tell apart, as a JSON object (docs/captures.md lists its keys): "sequences" with levels,
+ * What is in the capture, and what it can and cannot tell apart, as a JSON object (docs/guide/captures.md lists its keys): "sequences" with levels,
  * noise and saturation, "abilities" and "effects" with reasons in words, "warnings". Validates first.
  * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
  * @param length   size of the whole text with its final 0; may be NULL.
  */
 CLSP_API ClspStatus clspCaptureGetSummaryJson(ClspCapture capture, uint64_t capacity, char *text, uint64_t *length);
 /**
- * EMVA 1288's numbers of the dark and flat frames (of a resting laser scene: the gain) as a JSON object (docs/emva1288.md lists its keys), with
+ * EMVA 1288's numbers of the dark and flat frames (of a resting laser scene: the gain) as a JSON object (docs/method/emva1288.md lists its keys), with
  * 95 % intervals, or why they are not known. Validates first.
  * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
  * @param length   size of the whole text with its final 0; may be NULL.

@@ -3,7 +3,7 @@
  * @brief The gap between a real camera and the simulator: whether there is one, where it lies, what causes it, how far it shrinks.
  *
  * clspDiagnose() compares a capture (capture.h) with frames of the simulator that are calibrated and measured alike, and fits the effects
- * of the catalogue (effects.h) and the caller's own hypotheses. docs/diagnosis.md explains the method, docs/gap-report.md every number of the
+ * of the catalogue (effects.h) and the caller's own hypotheses. docs/method/diagnosis.md explains the method, docs/reference/gap-report.md every number of the
  * report and its scale.
  *
  * Thread rule: clspDiagnose() blocks; any number of threads may diagnose at the same time, also the same capture. Its callbacks are called
@@ -37,7 +37,7 @@ extern "C" {
 
 /** @name Which part of the image is judged */
 /** @{ */
-#define CLSP_WINDOW_AUTO 0u  /**< All of a small capture; of a large one a strip through the optical axis (docs/diagnosis.md). */
+#define CLSP_WINDOW_AUTO 0u  /**< All of a small capture; of a large one a strip through the optical axis (docs/method/diagnosis.md). */
 #define CLSP_WINDOW_WHOLE 1u /**< The whole image, however large. */
 #define CLSP_WINDOW_GIVEN 2u /**< The caller's window. */
 /** @} */
@@ -92,7 +92,7 @@ typedef struct ClspHypothesis {
     const char *summary;      /**< What happens; NULL (default): no text. */
     const ClspEffectParameter *parameters; /**< Weak and strong lie within minimum and maximum; all parameters move together. Both directions are
                                              looked for where the first's range lies on both sides of 0 with weak and strong on one, and of
-                                             ratios (docs/diagnosis.md). */
+                                             ratios (docs/method/diagnosis.md). */
     uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
     uint32_t reserved;        /**< 0. */
     ClspHypothesisFunction apply; /**< What it does to a frame. The same arguments must give the same pixels. NULL with OpenCL source. */
@@ -124,7 +124,7 @@ typedef struct ClspDiagnoseDesc {
     uint32_t window_height;    /**< 16 or more; 0 otherwise, and by default. */
     ClspProfile profile;       /**< Of clspCompare(): the camera that both sets are of (profile.h). Its effects make both scatter, which is no
                                     gap; retained while the call runs. NULL (default): a camera without effects. Of clspDiagnose(): NULL. */
-    const char *tolerance_file; /**< What the caller accepts of the simulator's error, as JSON (docs/gap-report.md): the report gets the key
+    const char *tolerance_file; /**< What the caller accepts of the simulator's error, as JSON (docs/reference/gap-report.md): the report gets the key
                                     "acceptance". NULL (default): none. Not for clspCompare(). */
 } ClspDiagnoseDesc;
 
@@ -240,7 +240,7 @@ CLSP_API ClspStatus clspDiagnose(ClspContext context, ClspCapture capture, const
 /**
  * Compares a real capture with frames of any simulator: where they differ, and which catalogued effects, put on the simulated frames as
  * far as finished frames allow, would close how much. *diagnosis gets one reference. Blocks, for about as long as clspDiagnose().
- * docs/gap-compare.md explains the method.
+ * docs/guide/gap-compare.md explains the method.
  *
  * Sequences are paired by name where scene and motion agree, else by scene and motion, and cut to the same number of frames; what has no
  * partner is named in a note. Light levels, black levels and, where the simulated frames have less, read noise are calibrated first. In
@@ -284,7 +284,7 @@ CLSP_API ClspStatus clspDiagnosisGetPlace(ClspDiagnosis diagnosis, uint32_t inde
 CLSP_API ClspStatus clspDiagnosisGetStep(ClspDiagnosis diagnosis, uint32_t index, ClspDiagnosisStep *step);
 
 /**
- * The report as a JSON object, UTF-8 (the gap report format, version 1; docs/gap-report.md lists its keys).
+ * The report as a JSON object, UTF-8 (the gap report format, version 1; docs/reference/gap-report.md lists its keys).
  * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
  * @param text     NULL if capacity is 0.
  * @param length   size of the whole text with its final 0; may be NULL.

@@ -14,7 +14,7 @@
  *
  * Method: iterative Fourier transform with weights (Gerchberg and Saxton 1972 with the rules CLSP_DOE_RULE_*), soft quantization to the
  * levels (Wyrowski, J. Opt. Soc. Am. A 7, 961 (1990)), then direct binary search (Seldowitz, Allebach and Sweeney, Appl. Opt. 26, 2788
- * (1987)). docs/doe-design.md explains it and has figures.
+ * (1987)). docs/method/doe-design.md explains it and has figures.
  *
  * Thread rule: clspDoeDesignCreate() and clspDoeDesignEvaluate() block; any number of threads may design at the same time. The progress
  * function is called on the thread that called. A design is complete and never changes: any number of threads may read it at once.

@@ -2,7 +2,7 @@
  * @file effects.h
  * @brief The catalogue of effects that make a camera's picture differ from the ideal one, each to be switched on in a pipeline.
  *
- * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/effects.md lists them with their equations, and the few
+ * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/reference/effects.md lists them with their equations, and the few
  * parameters that it does not vary or name). An effect that is off costs nothing: kernels are built without it. What an effect sets can also
  * be set in the descriptions of the stages (the direction of ghost dots as their offset); a pipeline
  * with effects changes its stages' parameters, and clearing the effect puts them back. Meanwhile, of the stages' own settings only a sensor's

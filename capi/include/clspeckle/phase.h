@@ -16,7 +16,7 @@
  * and a path p (in correlation lengths: material.h, motion.h) moves it by d = 0.9386677 p knots: t += d; where t passes 1, A becomes B, B
  * is drawn anew and t -= 1. t starts uniform, so the field's correlation over d knots is
  *     R(d) = (1 - d/2) cos(pi d/2) + sin(pi d/2) / pi   for d <= 2,   0 beyond;   1/e at a path of 1
- * (docs/motion.md). In either dynamics of a circular Gaussian field a correlation r in [0, 1] lets the field live:
+ * (docs/method/motion.md). In either dynamics of a circular Gaussian field a correlation r in [0, 1] lets it live:
  * z' = r z + sqrt(1 - r^2) w with a new w (A and B each, if there are two). Over both the correlation is R(d) r; that of the intensity
  * behind the aperture is its square.
  *

@@ -3,7 +3,7 @@
  * @brief Camera profiles: a camera as a diagnosis found it, to be rendered again.
  *
  * clspDiagnosisGetProfile() (diagnosis.h) makes one of a diagnosis, clspProfileWrite() writes it as a JSON file, clspProfileOpen() reads
- * such a file (docs/profile.md lists its keys). A profile holds the simulator's settings, every effect of the diagnosis's last model with
+ * such a file (docs/reference/profile.md lists its keys). A profile holds the simulator's settings, every effect of the diagnosis's last model with
  * its parameters, maps of the camera's own pixels where the capture tells them, and apart from them the lab's conditions, which are no part
  * of the camera: the light of each sequence. Maps are files beside the profile's, and are read when they are used. A pipeline becomes
  * that camera in two steps: clspProfileDescribe() before its stages are made, clspPipelineSetProfile() afterwards. Nothing but the last one

@@ -138,7 +138,7 @@ CLSP_API ClspStatus clspSensorDescInit(ClspSensorDesc *desc, uint32_t struct_siz
  *  - "OS04A10": OmniVision OS04A10, 2688 x 1520 pixels, the thesis's camera (section 3.1). Size, 10-bit codes and black level 64 are
  *    public (its Linux driver); read noise is the thesis's 0.015 of full scale (3.2.3), which holds everything that changed from frame
  *    to frame there, so shot noise is off. Conversion gain, full well, quantum efficiency, dark current and fixed pattern are assumptions
- *    of a usual size for such a pixel, not the maker's. docs/sensor.md lists them one by one. exposure_gain_dn stays at its default, 512.
+ *    of a usual size for such a pixel, not the maker's. docs/method/sensor.md lists them one by one. exposure_gain_dn stays at its default, 512.
  * @param struct_size sizeof(ClspSensorDesc).
  * @return CLSP_ERROR_INVALID_ARGUMENT for an unknown name; the message lists the known ones.
  */

@@ -3,7 +3,7 @@
  * @brief Which engine makes an aperture's transforms the fastest on a device: measured, kept, followed.
  *
  * The candidates are the engines clfft, cpu and gpu; of the last one on devices that
- * are no CPUs several sizes (docs/runtime.md). clspTuningRun() measures all of them for some sizes and keeps the times and the choice in
+ * are no CPUs several sizes (docs/guide/runtime.md). clspTuningRun() measures all of them for some sizes and keeps the times and the choice in
  * a JSON file, the tuning record. Apertures that are made by contexts created later follow it:
  *
  *   1. CLSPECKLE_FFT, where it forces an engine;
@@ -70,7 +70,7 @@ CLSP_API ClspStatus clspTuningRetain(ClspTuning tuning);
 CLSP_API ClspStatus clspTuningRelease(ClspTuning tuning);
 
 /**
- * What was measured, as JSON: the format of a tuning record with this run's sizes alone (docs/runtime.md).
+ * What was measured, as JSON: the format of a tuning record with this run's sizes alone (docs/guide/runtime.md).
  * @param capacity size of `text` in bytes; the text is cut to fit and always ends with 0.
  * @param text     NULL if capacity is 0.
  * @param length   size of the whole text with its final 0; may be NULL.

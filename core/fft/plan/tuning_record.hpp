@@ -1,5 +1,5 @@
 // Which engine was the fastest on which device: records that `clspeckle tune` writes and apertures follow.
-// docs/runtime.md describes the file.
+// docs/guide/runtime.md describes the file.
 #pragma once
 
 #include "fft/engine_spec.hpp"

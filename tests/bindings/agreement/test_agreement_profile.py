@@ -158,8 +158,8 @@ def test_page_and_terminal_have_the_same(folder: Path) -> None:
 
 
 def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """docs/profile.md, its commands and its Python."""
-    page = (ROOT / "docs" / "profile.md").read_text()
+    """docs/reference/profile.md, its commands and its Python."""
+    page = (ROOT / "docs" / "reference" / "profile.md").read_text()
     (commands,) = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     scripts = f"{BIN}:{Path(sys.executable).parent}"
@@ -167,7 +167,7 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
     assert np.load(tmp_path / "frames" / "frames.npy").shape == (12, 80, 96)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(code, "docs/profile.md", "exec"), names)
+    exec(compile(code, "docs/reference/profile.md", "exec"), names)
     assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} == {
         "shot_noise",
         "row_noise",

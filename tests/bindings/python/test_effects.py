@@ -90,7 +90,7 @@ def test_the_catalogue() -> None:
 
 
 def test_every_effect_has_its_line_in_the_docs() -> None:
-    described = (KERNELS.parent / "docs" / "effects.md").read_text(encoding="utf-8")
+    described = (KERNELS.parent / "docs" / "reference" / "effects.md").read_text(encoding="utf-8")
     lines = {match[1]: match[0] for match in re.finditer(r"^\| `(\w+)` .*$", described, re.MULTILINE)}
     assert list(lines) == IDS
     for effect in clspeckle.effects():

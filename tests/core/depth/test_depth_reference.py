@@ -41,7 +41,7 @@ def truth_of(dots, frame):
 def test_scenes_without_noise(camera, measured, name):
     """The bar: 99.9 % of the visible dots identified, centres good to 0.01 px RMS. Visible: reference.depth.Frame.
     Under more than 60 degrees (the sphere's limb) the middle of the lit spot is not the middle of the beam any more
-    (docs/depth.md), so the centre's bar is for the others; identity has no such limit."""
+    (docs/guide/depth.md), so the centre's bar is for the others; identity has no such limit."""
     frame = frame_of(name)
     result = camera.measure(frame.image.astype(np.float32))
     placed = result.placed

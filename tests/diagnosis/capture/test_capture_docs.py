@@ -1,4 +1,4 @@
-"""The Python of docs/captures.md runs and prints what it should; its capture.json is one."""
+"""The Python of docs/guide/captures.md runs and prints what it should; its capture.json is one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 
 import clspeckle
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "captures.md").read_text()
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "guide" / "captures.md").read_text()
 
 
 def test_the_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    exec(compile(code, "docs/captures.md", "exec"), {})
+    exec(compile(code, "docs/guide/captures.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "dark 0 4" and lines[1] == "flat 336 9"
     assert any("boiling" in line for line in lines)

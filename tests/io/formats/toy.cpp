@@ -1,4 +1,4 @@
-// A format as the recipe in docs/architecture.md adds one: this file is all of it. "TOY", width, height, then bytes.
+// A format as the recipe in docs/guide/architecture.md adds one: all of it. "TOY", width, height, then bytes.
 #include "io/formats.hpp"
 
 namespace image_io::format_files {

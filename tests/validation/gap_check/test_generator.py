@@ -128,7 +128,7 @@ def test_strengths_move_all_parameters_from_weak_to_strong() -> None:
     assert CATALOGUE["subsurface_scattering"].at(0.5) == {"length_px": 2.75, "fraction": 0.6}
     assert CATALOGUE["depolarization"].at(1) == {"degree_of_polarization": 0.0}
     assert [CATALOGUE["adc_bits"].at(s)["bits"] for s in (0, 0.6, 1)] == [8, 7, 6]
-    described = (Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8")
+    described = (Path(__file__).parents[3] / "docs" / "reference" / "effects.md").read_text(encoding="utf-8")
     assert list(CATALOGUE) == re.findall(r"^\| `(\w+)`", described, re.MULTILINE)
     assert len(OUTSIDE) >= 10
     assert {e.stage for e in OUTSIDE.values()} == {"laser", "doe", "surface", "motion", "optics", "sensor"}

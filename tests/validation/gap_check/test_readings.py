@@ -46,7 +46,7 @@ def test_choices_are_of_catalogued_effects_and_begin_with_the_first_reading() ->
 
 
 def test_the_page_lists_all_readings() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "gap-check.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "results" / "gap-check.md").read_text()
     table = page[page.index("## Where the catalogue leaves a choice") : page.index("## What can be seen at all")]
     rows = re.findall(r"^\| (`.*`) \| .* \| (.*) \|$", table, re.MULTILINE)
     assert {name for names, other in rows if other != "none" for name in re.findall(r"`(\w+)`", names)} == set(CHOICES)

@@ -1,6 +1,6 @@
 """Capture sets: what a real camera recorded, sequence by sequence, for the diagnosis of the gap to the simulator.
 
-A set is a folder with a capture.json and an .npy stack for each sequence (``docs/captures.md``), or arrays in memory.
+A set is a folder with a capture.json and a .npy stack a sequence (``docs/guide/captures.md``), or arrays in memory.
 """
 
 from __future__ import annotations
@@ -316,7 +316,7 @@ class Capture(Handle):
         """EMVA 1288's numbers of the dark and flat frames, as `clspeckle capture emva --json` writes them.
 
         ``emva1288()["values"]["system_gain"]`` has `value`, `interval` (95 %) and `unit`, or why it is `unknown`;
-        the list: ``docs/emva1288.md``. No device is needed.
+        the list: ``docs/method/emva1288.md``. No device is needed.
         """
         with exclusive(self):
             result: dict[str, Any] = json.loads(_library.text_of("clspCaptureGetEmva1288Json", self._get()))

@@ -3,7 +3,7 @@
     found = clspeckle.diagnose("my-camera")  # the folder of a capture set
     print(found)
 
-The method and every number of the report: ``docs/diagnosis.md``; the C interface: ``diagnosis.h``.
+The method and every number of the report: ``docs/method/diagnosis.md``; the C interface: ``diagnosis.h``.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Hypothesis:
     random must come from `seed` (of the simulated capture), `sequence` (its name) and `frame_index`.
 
     Or text: OpenCL C that defines ``float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint
-    y)``, the new value of a pixel (docs/diagnosis.md, ``diagnosis.h``). It runs on the device, and nobody is called."""
+    y)``, the new value of a pixel (docs/method/diagnosis.md, ``diagnosis.h``). It runs on the device."""
     parameters: Mapping[str, Sequence[float]]
     """1 to 4 by name: (weak, strong) or (weak, strong, minimum, maximum). All move together from weak to strong, and
     may go beyond. Without a minimum and a maximum the range ends twice the difference beyond weak and strong, or at 0
@@ -341,7 +341,7 @@ class Measurement:
     """A quantity of a sequence in the units of a data sheet, of the camera's frames and of simulated ones.
 
     For people to read: the verdict goes by the statistics. NaN is what the frames do not tell. The list with
-    definitions: ``docs/gap-statistics.md``.
+    definitions: ``docs/method/gap-statistics.md``.
     """
 
     sequence: str | None
@@ -740,7 +740,7 @@ def diagnose(
             a small capture, a strip through the optical axis of a large one.
         frames: of each sequence at most, from the middle of each half; 0: all; None: what takes minutes.
         tolerances: a JSON file with what is accepted of the simulator's error; ``report["acceptance"]`` says whether it
-            is (``docs/gap-report.md``).
+            is (``docs/reference/gap-report.md``).
         progress: True: a bar on standard error; or a function of (what is being done, fraction done), which cancels by
             returning False. It is called often, on this thread.
         camera, dots_px, dots_sigma_px: of a dict of codes, as for :meth:`Capture.from_arrays`.
@@ -787,7 +787,7 @@ def compare(
     Sequences are paired by name where scene and motion agree, else by scene and motion. The result is that of
     :func:`diagnose`, with `sim` of its statistics from the simulated capture; parameters are what its frames lack.
     ``report["compare"]`` has the pairs, the levels, the read noise, and the effects that cannot be put on finished
-    frames. The method: ``docs/gap-compare.md``. Blocks; Ctrl-C cancels. The same seed gives the same report.
+    frames. The method: ``docs/guide/gap-compare.md``. Blocks; Ctrl-C cancels. The same seed gives the same report.
 
     Args:
         real: what the camera recorded: a :class:`Capture`, the folder of a capture set, or a dict of name to codes.

@@ -4,7 +4,7 @@
     design = clspeckle.design_doe(layout.orders, levels=8)
     print(design.efficiency, design.uniformity_rms)
 
-The method: ``docs/doe-design.md``; the C interface with every definition: ``doe_design.h``.
+The method: ``docs/method/doe-design.md``; the C interface with every definition: ``doe_design.h``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The catalogue of effects that make a camera's picture differ from the ideal one.
 
 :meth:`Pipeline.set_effect <clspeckle.Pipeline.set_effect>` switches one on, ``clear_effect`` off again. An effect that
-is off costs nothing. Meaning and equations: ``effects.h``, ``docs/effects.md``.
+is off costs nothing. Meaning and equations: ``effects.h``, ``docs/reference/effects.md``.
 """
 
 from __future__ import annotations

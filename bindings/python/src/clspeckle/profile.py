@@ -5,7 +5,7 @@
     camera = clspeckle.Pipeline.from_profile(profile, sequence="board_moving", seed=7)
     codes = camera.render(ideal, refresh="all")
 
-What a profile holds: ``docs/profile.md``; the C interface: ``profile.h``.
+What a profile holds: ``docs/reference/profile.md``; the C interface: ``profile.h``.
 """
 
 from __future__ import annotations

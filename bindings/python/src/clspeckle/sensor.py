@@ -229,7 +229,7 @@ class Sensor(Stage):
         """The settings of a known camera as arguments: ``Sensor(**Sensor.profile("OS04A10"))``.
 
         All of them, `shape` too; change what you know better. An unknown name is answered with the known ones.
-        Which values are public and which are assumptions: docs/sensor.md.
+        Which values are public and which are assumptions: docs/method/sensor.md.
         """
         if not isinstance(name, str):
             raise TypeError(f"name must be the name of a camera, got {_check.kind(name)}")

@@ -3,7 +3,7 @@
     tuning = clspeckle.tune([(1080, 1920)])
     print(tuning.record["sizes"][0]["chosen"], "kept in", tuning.path)
 
-The choice and the record's format: ``docs/runtime.md``; the C interface: ``tuning.h``.
+The choice and the record's format: ``docs/guide/runtime.md``; the C interface: ``tuning.h``.
 """
 
 from __future__ import annotations
