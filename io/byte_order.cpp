@@ -31,10 +31,9 @@ unsigned enough_bits(std::uint64_t code) {
     return bits;
 }
 
-const char *const look_swapped = "look as if their bytes were swapped";
-
 std::string told_swapped(unsigned bits) {
-    return fmt::format("{}: in the other order they lie close together, and none needs more than {} bits", look_swapped,
+    return fmt::format("look as if their bytes were swapped: in the other order they lie close together, and none needs "
+                       "more than {} bits",
                        bits);
 }
 

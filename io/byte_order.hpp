@@ -16,9 +16,8 @@ namespace image_io::detail {
 /** Of a camera: 10, 12, 14 or 16 that hold a code. */
 unsigned enough_bits(std::uint64_t code);
 
-/** What is said of whole numbers in the wrong order: "its words " this. Nothing else says so. */
-extern const char *const look_swapped;
-/** With what there is to see. @param bits of WholeNumbers::bits_if_swapped(). */
+/** What is said of whole numbers in the wrong order: "its words " this. @param bits of
+ * WholeNumbers::bits_if_swapped(). */
 std::string told_swapped(unsigned bits);
 
 /** Whole numbers: those that an image holds lie close together, and in the wrong order far apart. */

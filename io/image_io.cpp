@@ -80,12 +80,15 @@ void Reader::opened_as(const Format &format) {
                fmt::format("{} image{} of {} x {} pixels and {} channel{}", info_.frame_count,
                            info_.frame_count == 1 ? "" : "s", info_.width, info_.height, info_.channels,
                            info_.channels == 1 ? "" : "s"));
-    if (info_.surplus_bytes > 0)
+    warn_of_surplus(info_.surplus_bytes);
+}
+
+void Reader::warn_of_surplus(std::uint64_t bytes) {
+    const bool one = bytes == 1;
+    if (bytes > 0)
         info_.warnings.push_back(fmt::format("{} byte{} follow{} the last image and {} not read; was another one, or "
                                              "something else, appended?",
-                                             info_.surplus_bytes, info_.surplus_bytes == 1 ? "" : "s",
-                                             info_.surplus_bytes == 1 ? "s" : "",
-                                             info_.surplus_bytes == 1 ? "is" : "are"));
+                                             bytes, one ? "" : "s", one ? "s" : "", one ? "is" : "are"));
 }
 
 void Reader::warn_of_orientation(unsigned orientation) {
@@ -146,8 +149,12 @@ void Plane::normalize() {
 Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors differing,
                 Encoding encoding) {
     const Info &info = reader.info();
-    for (const std::string &warning : info.warnings)
-        warnings.push_back(reader.path() + ": " + warning);
+    std::size_t told = 0;
+    const auto tell = [&] {
+        for (; told < info.warnings.size(); ++told)
+            warnings.push_back(reader.path() + ": " + info.warnings[told]);
+    };
+    tell();
     const std::uint32_t colors = info.channels - (info.alpha ? 1 : 0);
     Plane plane;
     plane.width = info.width;
@@ -177,6 +184,7 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
             out[x] = static_cast<float>(sum / colors);
         }
     });
+    tell(); // some readers know what follows the image only now
     if (colored && differing == Colors::refused)
         throw ReadError(
             reader.path(),

@@ -62,7 +62,7 @@ struct Info {
     bool lossy = false;                ///< The compression changes numbers.
     bool white_is_zero = false;        ///< The file says so; values are turned, so that more is brighter.
     bool full_scale_given = false;     ///< By ReadRequest::full_scale.
-    bool looks_swapped = false;        ///< Its bytes seem to lie in the other order, as a warning says.
+    std::string looks_swapped;         ///< The warning that its bytes seem to lie in the other order; empty: none.
     bool one_page = false;             ///< The reader took ReadRequest::page into account.
 };
 
@@ -90,6 +90,7 @@ class Reader {
     void warn_of_orientation(unsigned orientation);
     /** @param aspect of a pixel: its width over its height. */
     void warn_of_aspect(double aspect);
+    void warn_of_surplus(std::uint64_t bytes);
     /** @param where that the data are from. */
     void warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where);
     /** Refuses empty and oversized images. */

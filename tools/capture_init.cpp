@@ -82,6 +82,7 @@ struct Codes {
     std::uint32_t largest = 0;
     double full_scale = 0;                                    // of files that say it
     std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
+    std::set<std::string> of_byte_order;                      // of these
 };
 
 /** What an error about the frames adds: how else their files may be meant. */
@@ -301,6 +302,8 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
             throw InputError(fmt::format("{}: {}", path, why));
         for (const std::string &warning : info.warnings)
             codes.warnings[warning].push_back(path);
+        if (!info.looks_swapped.empty())
+            codes.of_byte_order.insert(info.looks_swapped);
         if (info.white_is_zero)
             codes.warnings[image_io::told_white(info) + ". If it is only marked so, save the frames as min-is-black"]
                 .push_back(path);
@@ -573,7 +576,7 @@ void warn_of_files(const std::vector<Found> &sequences, const Codes &codes, Cons
                                  "--force: its numbers are those of swapped codes",
                                  names, image_io::detail::told_swapped(swapped.bits)));
     for (const auto &[warning, paths] : codes.warnings)
-        if (names.empty() || warning.find(image_io::detail::look_swapped) == std::string::npos)
+        if (names.empty() || codes.of_byte_order.count(warning) == 0)
             console.warn(fmt::format("{}: {}", named(paths), warning));
 }
 

@@ -129,6 +129,9 @@ struct CaptureWarning {
     std::vector<PixelBlock> pixels{};  // that it is about; empty: all
 };
 
+// The kind of what both files and codes may tell.
+constexpr const char *kSwappedBytes = "swapped_bytes";
+
 struct StoredSequence; // stored_sequence.hpp
 
 struct Capture {

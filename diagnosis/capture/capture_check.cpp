@@ -1,6 +1,7 @@
 #include "capture/capture_check.hpp"
 
 #include "capture/capture_validation.hpp"
+#include "capture/pixel_warnings.hpp"
 #include "io/json_text.hpp"
 
 #include <algorithm>
@@ -74,10 +75,21 @@ CaptureSummary summarize_capture(const Capture &capture) {
         summary.sequences.push_back(summarize_sequence(capture.layout, i, scans[i], summary.dark));
     summary.abilities = capture_abilities(capture.layout, summary.sequences);
     summary.effects = effect_visibilities(capture.layout);
-    for (std::size_t i = 0; i < capture.layout.sequences.size(); ++i)
-        for (SequenceChange &change : frame_changes(capture.layout, i, scans[i], summary.dark.level_dn))
+    // What is written into pixels changes as it likes: nothing else is told of them than that they are odd.
+    std::vector<SequenceScan> told_of = scans;
+    std::vector<SequenceSummary> seen;
+    const std::vector<std::uint8_t> mask = beside_odd_blocks(capture.layout, scans);
+    for (std::size_t i = 0; i < scans.size() && !mask.empty(); ++i) {
+        told_of[i] = scan_masked(capture, i, mask);
+        told_of[i].oddities = scans[i].oddities;
+    }
+    const DarkLevel dark = dark_level(capture.layout, told_of);
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+        seen.push_back(summarize_sequence(capture.layout, i, told_of[i], dark));
+        for (SequenceChange &change : frame_changes(capture.layout, i, told_of[i], dark.level_dn))
             summary.frame_changes.push_back(std::move(change));
-    summary.warnings = capture_warnings(capture, scans, summary.dark, summary.sequences, summary.frame_changes);
+    }
+    summary.warnings = capture_warnings(capture, told_of, dark, seen, summary.frame_changes);
     return summary;
 }
 

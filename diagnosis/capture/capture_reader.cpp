@@ -20,12 +20,12 @@ namespace {
 // What is odd about files of several sequences is told once.
 class Oddities {
   public:
-    void add(const char *kind, const std::string &sequence, const FileOddity &oddity) {
+    void add(const std::string &sequence, const FileOddity &oddity) {
         const auto same = std::find_if(all_.begin(), all_.end(), [&](const One &one) {
-            return one.kind == kind && one.oddity.text == oddity.text;
+            return one.oddity.kind == oddity.kind && one.oddity.text == oddity.text;
         });
         if (same == all_.end()) {
-            all_.push_back({kind, sequence, oddity});
+            all_.push_back({sequence, oddity});
             return;
         }
         if (same->sequence != sequence)
@@ -41,14 +41,15 @@ class Oddities {
             const std::string others =
                 more == 0 ? "" : fmt::format(" and {} more{}", more, one.sequence.empty() ? "" : " of the sequence");
             result.push_back(
-                {one.sequence, fmt::format("{}{}: {}", one.oddity.files.front(), others, one.oddity.text), one.kind});
+                {one.sequence, fmt::format("{}{}: {}", one.oddity.files.front(), others, one.oddity.text),
+                 one.oddity.kind});
         }
         return result;
     }
 
   private:
     struct One {
-        std::string kind, sequence;
+        std::string sequence;
         FileOddity oddity;
     };
     std::vector<One> all_;
@@ -103,7 +104,7 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
         capture.layout.sequences[i].frame_count = static_cast<std::uint32_t>(frames);
         origin.files.push_back(files.back()->name());
         for (const FileOddity &oddity : files.back()->oddities())
-            oddities.add("files", capture.layout.sequences[i].name, oddity);
+            oddities.add(capture.layout.sequences[i].name, oddity);
         total += frames;
         if (!described.masks[i].empty()) {
             std::vector<FileOddity> of_mask;
@@ -111,7 +112,7 @@ Capture read_capture(const std::string &folder, const CaptureProgress &progress,
                 read_mask((root / described.masks[i]).string(), capture.layout, origin.description,
                           fmt::format("/sequences/{}/mask", i), of_mask);
             for (const FileOddity &oddity : of_mask)
-                oddities.add("mask", capture.layout.sequences[i].name, oddity);
+                oddities.add(capture.layout.sequences[i].name, oddity);
         }
     }
     for (CaptureWarning &warning : oddities.warnings())

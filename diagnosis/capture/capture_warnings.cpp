@@ -3,7 +3,6 @@
 #include "capture/code_warnings.hpp"
 #include "capture/metadata_warnings.hpp"
 #include "capture/pixel_warnings.hpp"
-#include "io/byte_order.hpp"
 
 #include <algorithm>
 #include <array>
@@ -144,9 +143,7 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
     if (auto swapped = swapped_bytes(capture.layout, scans)) {
         // Their files may say so, each for itself.
         warnings.erase(std::remove_if(warnings.begin(), warnings.end(),
-                                      [](const CaptureWarning &warning) {
-                                          return warning.text.find(image_io::detail::look_swapped) != std::string::npos;
-                                      }),
+                                      [](const CaptureWarning &warning) { return warning.kind == kSwappedBytes; }),
                        warnings.end());
         for (const SequenceLayout &sequence : capture.layout.sequences)
             warn_of_pupil(capture.layout, sequence, warnings);

@@ -16,14 +16,15 @@ constexpr std::size_t kLeastDoubled = 3;
 constexpr double kDeviations = 6.0; // of a count: one in 1e9
 
 // Codes, counted in steps from the first one: those that a distance holds, or, of dense codes, one for each.
-std::optional<CodeLattice> fit(const std::vector<std::uint16_t> &codes, double step, bool dense) {
-    const double first = codes.front();
+// step: the mean of so many single steps; of dense codes neither counts.
+std::optional<CodeLattice> fit(const std::vector<std::uint16_t> &codes, double step, double single_steps, bool dense) {
+    const double first = codes.front(), estimated = step * single_steps;
     std::vector<double> counts(codes.size());
     for (std::size_t i = 1; i < codes.size(); ++i) {
         const double gap = double(codes[i]) - codes[i - 1];
         counts[i] = counts[i - 1] + (dense ? 1.0 : std::max(1.0, std::round(gap / step)));
         if (!dense)
-            step = (codes[i] - first) / counts[i]; // the farther, the better known
+            step = (estimated + codes[i] - first) / (single_steps + counts[i]); // the farther, the better known
     }
     // The step that leaves least between the extremes, which is convex in it: lines of so many whole numbers differ by
     // less than one in each.
@@ -126,13 +127,13 @@ std::optional<CodeLattice> find_lattice(const std::vector<std::uint16_t> &codes)
     const double nearest = *std::min_element(gaps.begin(), gaps.end());
     if (nearest < 2.0)
         return std::nullopt;
-    double sum = 0.0, count = 0.0; // of single steps
+    double sum = 0.0, count = 0.0; // of single steps, which rounding makes one of two neighbouring numbers
     for (const double gap : gaps)
-        if (gap < 1.5 * nearest) {
+        if (gap <= nearest + 1.0) {
             sum += gap;
             ++count;
         }
-    const auto lattice = fit(codes, sum / count, false);
+    const auto lattice = fit(codes, sum / count, count, false);
     if (!lattice || lattice->step < 2.0 - 1e-9)
         return std::nullopt;
     // Lines of whole numbers through n columns: n^3 and fewer.
@@ -156,7 +157,7 @@ unsigned common_shift(const std::vector<std::uint16_t> &codes, bool gaps) {
 }
 
 CodePile find_pile(const std::vector<std::uint64_t> &histogram) {
-    constexpr std::size_t kBlocks = 16, kWidest = 16; // blocks of codes below, and codes in each
+    constexpr std::size_t kBlocks = 16, kWidest = 256; // blocks of codes below, and codes in each
     std::size_t last = histogram.size();
     while (last > 0 && histogram[last - 1] == 0)
         --last;
@@ -228,7 +229,7 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
     if (result.doubled.size() < kLeastDoubled)
         result.doubled.clear();
     if (!result.missing.empty() && result.occurring.size() > 2)
-        if (const auto lattice = fit(result.occurring, 0.0, true);
+        if (const auto lattice = fit(result.occurring, 0.0, 0.0, true);
             lattice && lattice->step < 2.0 && !brought_to_neighbours(histogram, result.missing, noise_dn))
             result.lattice = lattice;
     return result;

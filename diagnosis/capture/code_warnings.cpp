@@ -81,6 +81,37 @@ bool takes_back(const CodeGaps &gaps, const CodeLattice &lattice) {
     return true;
 }
 
+// Where all sequences end, if light is clipped there, and where they begin.
+struct CodeRange {
+    std::uint32_t least = 65535, largest = 0; // that occur
+    std::uint16_t clipped = 0;                // 0: nothing is
+
+    explicit CodeRange(const std::vector<SequenceScan> &scans) {
+        for (const SequenceScan &scan : scans) {
+            least = std::min(least, scan.minimum);
+            largest = std::max(largest, scan.codes.empty() ? 0 : scan.maximum);
+            clipped = std::max(clipped, scan.pile.count > 0 ? scan.pile.code : std::uint16_t{0});
+        }
+    }
+};
+
+// A lattice tells numbers but for a constant. Where light is clipped the number is the converter's top code: the
+// nearest 2^n - 1 that leaves no number below 0.
+CodeLattice with_top_code(CodeLattice lattice, const CodeRange &range) {
+    if (range.clipped == 0)
+        return lattice;
+    const double number = number_of(range.clipped, lattice), least = number_of(std::uint16_t(range.least), lattice);
+    std::optional<double> best;
+    for (unsigned bits = kMinCaptureBits; bits <= kMaxCaptureBits; ++bits) {
+        const double shift = std::ldexp(1.0, int(bits)) - 1.0 - number;
+        if (least + shift >= 0.0 && (!best || std::abs(shift) < std::abs(*best)))
+            best = shift;
+    }
+    if (best)
+        lattice.offset -= lattice.step * *best;
+    return lattice;
+}
+
 bool keeps_apart(const std::vector<std::uint16_t> &codes, const CodeLattice &lattice) {
     for (std::size_t k = 1; k < codes.size(); ++k)
         if (codes[k] - codes[k - 1] == 1 && number_of(codes[k], lattice) != number_of(codes[k - 1], lattice) + 1.0)
@@ -145,41 +176,44 @@ std::string upper_bits(const Camera &camera, unsigned shift) {
                        1u << shift, numbers);
 }
 
-// The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs.
-unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, std::uint32_t largest) {
-    for (unsigned bits = kMinCaptureBits; bits <= layout.bits; ++bits)
+// The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs. A
+// top code where light is clipped is no doubt.
+unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, const CodeRange &range) {
+    for (unsigned bits = kMinCaptureBits; bits <= layout.bits && range.clipped == 0; ++bits)
         if (std::abs(lattice.step * (std::ldexp(1.0, int(bits)) - 1.0) - layout.maximum_code()) < lattice.step)
             return bits;
     unsigned bits = kMinCaptureBits;
-    while (bits < layout.bits && (largest - lattice.offset) / lattice.step > std::ldexp(1.0, int(bits)) - 0.5)
+    while (bits < layout.bits && (range.largest - lattice.offset) / lattice.step > std::ldexp(1.0, int(bits)) - 0.5)
         ++bits;
     return bits;
 }
 
 // How to come back to the converter's codes.
-std::string back(const Camera &camera, const CodeLattice &lattice, std::uint32_t largest) {
+std::string back(const Camera &camera, const CodeLattice &told, const CodeRange &range) {
+    const CodeLattice lattice = with_top_code(told, range);
     const double offset = taken_off(lattice);
     const std::string codes = offset == 0.0  ? "codes"
                               : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
                                              : fmt::format("(codes - {:.5g})", offset);
     return fmt::format("record without digital gain and scaling, or take it back: numpy.rint({} / "
                        "{:.6g}).astype(numpy.uint16), bits {}, black_level_dn {:.6g} and read_noise_dn {:.6g}",
-                       codes, lattice.step, bits_before(camera.layout, lattice, largest), camera.black_level(lattice),
+                       codes, lattice.step, bits_before(camera.layout, lattice, range), camera.black_level(lattice),
                        camera.read_noise(lattice));
 }
 
-std::string stretched(const Camera &camera, const CodeLattice &lattice, std::uint32_t largest) {
+std::string stretched(const Camera &camera, const CodeLattice &lattice, const CodeRange &range) {
     const double step = lattice.step;
     std::string share = fmt::format("{:.0f} of {:.0f} codes", step - 1.0, step);
     if (std::abs(step - std::round(step)) > 0.1)
         share = fmt::format("{:.0f} of 100 codes", 100.0 * (1.0 - 1.0 / step));
     return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
                        "stretched, most likely of {} bits; {}",
-                       share, lattice.first, lattice.last, step, bits_before(camera.layout, lattice, largest),
-                       back(camera, lattice, largest));
+                       share, lattice.first, lattice.last, step,
+                       bits_before(camera.layout, with_top_code(lattice, range), range),
+                       back(camera, lattice, range));
 }
 
-std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t largest) {
+std::string gaps_text(const Camera &camera, const CodeGaps &gaps, const CodeRange &range) {
     const auto examples = [](const std::vector<std::uint16_t> &codes) {
         constexpr std::size_t kMost = 4;
         std::string text;
@@ -192,7 +226,7 @@ std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t 
             "{} of {} codes from {} to {} never occur ({}), each {:.4g}th one is left: a digital gain of "
             "{:.4g} stretched the codes; {}",
             gaps.missing.size(), gaps.judged, gaps.first, gaps.last, examples(gaps.missing), gaps.lattice->step,
-            gaps.lattice->step, back(camera, *gaps.lattice, largest));
+            gaps.lattice->step, back(camera, *gaps.lattice, range));
     if (!gaps.missing.empty())
         return fmt::format("{} of {} codes from {} to {} never occur ({}), though their neighbours do, often: the "
                            "converter misses them, or the codes went through a table (gamma), a digital gain or lossy "
@@ -206,11 +240,15 @@ std::string gaps_text(const Camera &camera, const CodeGaps &gaps, std::uint32_t 
 
 // Of codes that are all apart from each other: multiples of a power of two, or stretched otherwise.
 std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string &sequence,
-                                         const std::vector<std::uint16_t> &codes, bool gaps, std::uint32_t largest) {
+                                         const std::vector<std::uint16_t> &codes, bool gaps, const CodeRange &range) {
     const unsigned shift = common_shift(codes, gaps);
     const auto lattice = find_lattice(codes);
-    // Multiples of a number are on that of twice the number, too, with half of it as an offset.
-    if (shift > 0 && !(lattice && lattice->step > std::ldexp(1.5, int(shift))))
+    // Multiples of a number are on that of twice the number, too, with half of it as an offset. Words of 16 bits have
+    // upper bits; in others a top code that is none of so many bits is that of a gain about another code than 0.
+    const bool whole = !(lattice && lattice->step > std::ldexp(1.5, int(shift)));
+    const bool ends_elsewhere = camera.layout.bits < kMaxCaptureBits && lattice &&
+                                with_top_code(*lattice, range).offset != lattice->offset;
+    if (shift > 0 && whole && !ends_elsewhere)
         return CaptureWarning{sequence, upper_bits(camera, shift), "upper_bits"};
     if (!lattice)
         return std::nullopt;
@@ -219,7 +257,7 @@ std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string
     const double last = (camera.layout.maximum_code() - told.offset) / told.step;
     if (told.offset < 0.0 && std::abs(last - std::exp2(std::round(std::log2(last)))) < 0.01)
         told.offset += told.step;
-    return CaptureWarning{sequence, stretched(camera, told, largest), "stretched_codes"};
+    return CaptureWarning{sequence, stretched(camera, told, range), "stretched_codes"};
 }
 
 // Sequences that are clipped at a code below the top one.
@@ -230,7 +268,7 @@ std::optional<CaptureWarning> clipped_below_top(const CaptureLayout &layout, con
         return double(scans[s].pile.count) / (double(scans[s].pixels) * double(scans[s].frames.size()));
     };
     for (std::size_t i = 0; i < scans.size(); ++i)
-        if (scans[i].pile.count > 0) {
+        if (scans[i].pile.count > 0 && scans[i].pile.code < layout.maximum_code()) {
             names.push_back(layout.sequences[i].name);
             if (most == scans.size() || part(i) > part(most))
                 most = i;
@@ -267,7 +305,7 @@ std::optional<CaptureWarning> swapped_bytes(const CaptureLayout &layout, const s
                                       "`clspeckle capture init` found in them it finds again with --force",
                                       of_some ? " of " + names : "", image_io::detail::told_swapped(swapped.bits),
                                       swapped.bits),
-                          "swapped_bytes"};
+                          kSwappedBytes};
 }
 
 std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
@@ -276,19 +314,22 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
     const Camera camera(layout, dark, noise_dn);
     std::vector<CaptureWarning> warnings;
     std::set<std::uint16_t> together;
-    std::uint32_t largest = 0, largest_of_all = 0;
+    const CodeRange range(scans);
+    std::uint32_t largest_of_all = 0;
     bool lit = false, varied = false; // codes that are all the same say nothing
     for (std::size_t i = 0; i < scans.size(); ++i) {
         together.insert(scans[i].codes.begin(), scans[i].codes.end());
-        if (!scans[i].codes.empty())
-            largest = std::max(largest, scans[i].maximum);
         largest_of_all = std::max(largest_of_all, std::uint32_t{scans[i].largest});
         lit = lit || (summaries[i].scene != CaptureScene::kDark && summaries[i].level_above_dark_dn > 0.0);
         varied = varied || summaries[i].minimum != summaries[i].maximum;
     }
     const std::vector<std::uint16_t> all(together.begin(), together.end());
-    if (auto warning = on_lattice(camera, "", all, false, largest)) {
+    if (auto warning = on_lattice(camera, "", all, false, range)) {
+        const std::uint32_t end = std::uint32_t{range.clipped} >> common_shift(all);
+        const bool clips_elsewhere = warning->kind == "upper_bits" && (end & (end + 1)) != 0;
         warnings.push_back(std::move(*warning));
+        if (auto clipped = clipped_below_top(layout, scans); clipped && clips_elsewhere)
+            warnings.push_back(std::move(*clipped));
         return warnings;
     }
     // What several sequences show is told once, with the numbers of the one that shows most. Few codes may be multiples
@@ -307,7 +348,7 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
     std::size_t most = scans.size();
     for (std::size_t i = 0; i < scans.size(); ++i) {
         const std::string &name = summaries[i].name;
-        if (auto warning = on_lattice(camera, name, scans[i].codes, !gaps[i].missing.empty(), scans[i].maximum)) {
+        if (auto warning = on_lattice(camera, name, scans[i].codes, !gaps[i].missing.empty(), range)) {
             names.push_back(name);
             alone.push_back(std::move(*warning));
         } else if (!gaps[i].missing.empty() || !gaps[i].doubled.empty()) {
@@ -327,7 +368,7 @@ std::vector<CaptureWarning> code_warnings(const CaptureLayout &layout, const std
         warnings.push_back(
             {one ? names.front() : "",
              (one ? "" : fmt::format("in {}, of which {}: ", fmt::join(names, ", "), summaries[most].name)) +
-                 gaps_text(camera, gaps[most], largest),
+                 gaps_text(camera, gaps[most], range),
              gaps[most].lattice           ? "stretched_codes"
              : gaps[most].missing.empty() ? "doubled_codes"
                                           : "missing_codes"});

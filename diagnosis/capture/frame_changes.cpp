@@ -344,7 +344,7 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
         const bool no_light = lit && mean_of_frames(levels, below) - dark_level_dn < kNoLight * light;
         const bool at_end = odd.front() > others.back(), at_begin = odd.back() < others.front();
         if (no_light) {
-            say("frames_without_light", below,
+            say(kFramesWithoutLight, below,
                 fmt::format("{} of {} frames ({}) have no light, {:.1f} DN, the others {:.1f} DN: an emitter that "
                             "alternates, a strobe out of step, or lost frames; take {}",
                             below.size(), levels.size(), list_of(below), fewer_below ? odd_dn : others_dn,

@@ -15,6 +15,9 @@ struct SequenceChange : CaptureWarning {
     bool level_drifts = false; // little by little, as a lamp does: not from one frame to the next
 };
 
+// The kind of frames without light among others that have some.
+constexpr const char *kFramesWithoutLight = "frames_without_light";
+
 // Steps, drifts and odd frames of the level, of the contrast, of the correlation of neighbours, and of what a resting
 // scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without light.
 //

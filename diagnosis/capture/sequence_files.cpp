@@ -211,12 +211,17 @@ std::vector<FileOddity> SequenceFiles::oddities() const {
         all.push_back(part.path);
     if (const std::string missing = image_io::missing_numbers(all); !missing.empty())
         result.push_back({missing + "; the frames before and after are taken as neighbours in time", {name_}});
-    std::map<std::string, std::vector<std::string>> files; // by what is said of them
+    std::map<std::string, FileOddity> oddities; // by what is said of them
     for (const Part &part : parts_)
-        for (const std::string &warning : part.info.warnings)
-            files[warning].push_back(part.path);
-    for (auto &[warning, paths] : files)
-        result.push_back({warning, std::move(paths)});
+        for (const std::string &warning : part.info.warnings) {
+            FileOddity &one = oddities[warning];
+            one.text = warning;
+            one.files.push_back(part.path);
+            if (warning == part.info.looks_swapped)
+                one.kind = kSwappedBytes;
+        }
+    for (auto &[warning, one] : oddities)
+        result.push_back(std::move(one));
     return result;
 }
 
@@ -263,8 +268,9 @@ struct TooLarge {
             but += ". But " + warning;
         // In the other order they may fit.
         if (const unsigned other = words.bits_if_swapped(); other > 0)
-            return info.looks_swapped ? but.substr(2)
-                                      : fmt::format("But its words {}. If so, save array.byteswap()",
+            return !info.looks_swapped.empty()
+                       ? but.substr(2)
+                       : fmt::format("But its words {}. If so, save array.byteswap()",
                                                     image_io::detail::told_swapped(other));
         while (bits < kMaxCaptureBits && largest >= static_cast<float>(1u << bits))
             ++bits;
@@ -394,7 +400,8 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
                  "0 and {}); if they are not to, make it of two values, "
                  "numpy.where(mask == {}, 255, 0).astype(numpy.uint8)",
                  values.size(), *values.begin(), *values.rbegin(), soft, *values.rbegin(), *values.rbegin()),
-             {path}});
+             {path},
+             "mask"});
     }
     return mask;
 }

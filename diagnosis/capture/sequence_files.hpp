@@ -17,6 +17,7 @@ namespace clsp {
 struct FileOddity {
     std::string text;
     std::vector<std::string> files;
+    std::string kind = "files"; // of a warning
 };
 
 // Files of a sequence, found and looked at but not read yet, so that sizes can be checked before memory is taken.

@@ -103,9 +103,9 @@ double noise_of_quiet_pixels(std::vector<float> &squares, std::uint32_t frames) 
     return std::sqrt(std::max(0.0, double(*tenth) / (double(frames) - 1.0)));
 }
 
-} // namespace
-
-SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const std::function<void(double)> &progress) {
+// left: the mask of the pixels that count; empty: all do.
+SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std::vector<std::uint8_t> &left,
+                         const std::function<void(double)> &progress) {
     const CaptureLayout &layout = capture.layout;
     const SequenceLayout &of = layout.sequences[sequence];
     const auto top = static_cast<std::uint16_t>(layout.maximum_code());
@@ -113,9 +113,7 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
     const auto band = static_cast<std::uint32_t>(std::clamp<std::size_t>(kBandPixels / layout.width, 1, layout.height));
     SequenceScan scan;
     scan.frames.resize(frames);
-    scan.pixels = of.mask.empty()
-                      ? layout.pixel_count()
-                      : layout.pixel_count() - std::size_t(std::count(of.mask.begin(), of.mask.end(), std::uint8_t{0}));
+    scan.pixels = layout.pixel_count() - std::size_t(std::count(left.begin(), left.end(), std::uint8_t{0}));
     double total = 0.0;
     std::vector<std::uint64_t> histogram(std::size_t{1} << 16);
     std::vector<float> variances; // in time, of the first band's pixels
@@ -123,7 +121,7 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
     for (std::uint32_t first = 0; first < layout.height; first += band) {
         const std::uint32_t rows = std::min(band, layout.height - first);
         const std::size_t pixels = std::size_t{rows} * layout.width;
-        const std::uint8_t *mask = of.mask.empty() ? nullptr : of.mask.data() + std::size_t{first} * layout.width;
+        const std::uint8_t *mask = left.empty() ? nullptr : left.data() + std::size_t{first} * layout.width;
         std::vector<std::uint32_t> sums(pixels); // of 65535 frames at most
         std::vector<std::uint64_t> squares(pixels);
         const std::uint16_t *before = nullptr;
@@ -157,16 +155,28 @@ SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const s
                 if (!mask || mask[i] != 0)
                     variances.push_back(float(double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames)));
     }
-    const bool reaches_top = histogram[top] > 0;
+    scan.pile = find_pile(histogram);
     histogram[0] = histogram[top] = 0; // what clips says nothing of its neighbours
-    if (!reaches_top)
-        scan.pile = find_pile(histogram);
     scan.codes = usual_codes(histogram);
     if (frames > 1 && !(of.moving && is_laser(of.scene)))
         scan.gaps = find_gaps(histogram, noise_of_quiet_pixels(variances, frames));
     if (frames > 1)
         scan.temporal_variance = std::max(0.0, total / (double(frames) - 1.0) / double(scan.pixels));
     return scan;
+}
+
+} // namespace
+
+SequenceScan scan_sequence(const Capture &capture, std::size_t sequence, const std::function<void(double)> &progress) {
+    return scan_pixels(capture, sequence, capture.layout.sequences[sequence].mask, progress);
+}
+
+SequenceScan scan_masked(const Capture &capture, std::size_t sequence, const std::vector<std::uint8_t> &also) {
+    std::vector<std::uint8_t> left = also;
+    const std::vector<std::uint8_t> &own = capture.layout.sequences[sequence].mask;
+    for (std::size_t i = 0; i < own.size(); ++i)
+        left[i] = left[i] != 0 && own[i] != 0 ? 1 : 0;
+    return scan_pixels(capture, sequence, left, {});
 }
 
 std::vector<SequenceScan> scan_capture(const Capture &capture) {

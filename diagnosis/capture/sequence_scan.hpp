@@ -35,7 +35,7 @@ struct SequenceScan {
     std::uint16_t largest = 0;        // code, of masked pixels, too
     std::vector<std::uint16_t> codes; // that occur, but for the rarest and those that clip (code_spacing.hpp)
     CodeGaps gaps;                    // of scenes at rest
-    CodePile pile;
+    CodePile pile; // at the top code, too
     std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
     std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };
@@ -43,6 +43,8 @@ struct SequenceScan {
 // progress: what part is done. Takes up to 48 bytes for each pixel of a frame, and no more than 1 GB.
 SequenceScan scan_sequence(const Capture &capture, std::size_t sequence,
                            const std::function<void(double part)> &progress = {});
+// Without the pixels where also is 0.
+SequenceScan scan_masked(const Capture &capture, std::size_t sequence, const std::vector<std::uint8_t> &also);
 // Of all sequences; those that are stored have theirs.
 std::vector<SequenceScan> scan_capture(const Capture &capture);
 

@@ -57,6 +57,14 @@ std::uint32_t pool_seeds_of(const Capture &capture) {
         std::clamp(std::ceil(kNaming.usual_pixels / pixels), kNaming.least_seeds, kNaming.most_seeds));
 }
 
+// 0: all have light, or none has.
+std::size_t frames_without_light(const CaptureSummary &summary, const std::string &sequence) {
+    for (const SequenceChange &change : summary.frame_changes)
+        if (change.kind == kFramesWithoutLight && change.sequence == sequence)
+            return change.frames.size();
+    return 0;
+}
+
 // Numbers of the sequences that can be judged; notes say what cannot, and why.
 std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary &summary, DiagnosisResult &result) {
     std::vector<std::size_t> judged;
@@ -82,6 +90,8 @@ std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary 
                                  seen.level_above_dark_dn);
         else if (sequence.scene != CaptureScene::kDark && seen.minimum == seen.maximum)
             reason = fmt::format("all its codes are {}: no camera records light without noise", seen.minimum);
+        else if (const std::size_t dark = frames_without_light(summary, sequence.name); dark > 0)
+            reason = fmt::format("{} of its {} frames have no light", dark, sequence.frame_count);
         // Coarse steps may hide the noise of a dark sequence, which light then shows.
         else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
             reason =

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 namespace image_io::format_files {
 
@@ -44,11 +45,6 @@ class HdrReader final : public Reader {
         info_.width = static_cast<std::uint32_t>(width);
         info_.height = static_cast<std::uint32_t>(height);
         info_.channels = 3;
-        // Rows of runs end where they end.
-        std::vector<unsigned char> none;
-        for (std::uint32_t y = 0; y < info_.height; ++y)
-            read_scanline(none, y);
-        info_.surplus_bytes = file_.size() - static_cast<std::uint64_t>(::ftello(file_.stream()));
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {
@@ -67,6 +63,9 @@ class HdrReader final : public Reader {
             }
             sink(row.data());
         }
+        // Rows of runs end where they end.
+        if (!std::exchange(was_read_, true))
+            warn_of_surplus(file_.size() - static_cast<std::uint64_t>(::ftello(file_.stream())));
     }
 
   private:
@@ -92,10 +91,8 @@ class HdrReader final : public Reader {
         return static_cast<unsigned char>(c);
     }
 
-    /** @param rgbe room for a row; without room the row is passed over. */
     void read_scanline(std::vector<unsigned char> &rgbe, std::uint32_t y) {
         const std::size_t width = info_.width;
-        const bool kept = !rgbe.empty();
         unsigned char first[4];
         for (unsigned char &value : first)
             value = byte();
@@ -115,18 +112,14 @@ class HdrReader final : public Reader {
                 if (count == 0 || count > width - x)
                     fail(fmt::format("is damaged: a run in row {} does not fit the row", y));
                 const unsigned char value = run ? byte() : 0;
-                for (; kept && count > 0; --count, ++x)
+                for (; count > 0; --count, ++x)
                     rgbe[4 * x + c] = run ? value : byte();
-                x += count;
-                for (; !run && count > 0; --count)
-                    (void)byte();
             }
         }
     }
 
     void read_flat(std::vector<unsigned char> &rgbe, const unsigned char (&first)[4], std::uint32_t y) {
         const std::size_t width = info_.width;
-        const bool kept = !rgbe.empty();
         unsigned char pixel[4] = {first[0], first[1], first[2], first[3]};
         unsigned shift = 0;
         for (std::size_t x = 0;;) {
@@ -135,13 +128,13 @@ class HdrReader final : public Reader {
                 const std::uint64_t count = shift < 24 ? std::uint64_t{pixel[3]} << shift : ~std::uint64_t{0};
                 if (x == 0 || count > width - x)
                     fail(fmt::format("is damaged: a run in row {} does not fit the row", y));
-                for (std::uint64_t i = 0; kept && i < count; ++i)
+                for (std::uint64_t i = 0; i < count; ++i)
                     for (std::size_t c = 0; c < 4; ++c)
                         rgbe[4 * (x + i) + c] = rgbe[4 * (x - 1) + c];
                 x += static_cast<std::size_t>(count);
                 shift += 8;
             } else {
-                for (std::size_t c = 0; kept && c < 4; ++c)
+                for (std::size_t c = 0; c < 4; ++c)
                     rgbe[4 * x + c] = pixel[c];
                 ++x;
                 shift = 0;
@@ -155,6 +148,7 @@ class HdrReader final : public Reader {
 
     detail::InputFile file_;
     std::uint64_t data_offset_ = 0;
+    bool was_read_ = false;
 };
 
 } // namespace

@@ -314,10 +314,10 @@ class NpyReader final : public Reader {
                              size == 2 ? "not finite, negative or subnormal"
                                        : "not finite, beyond 1e30 or closer to 0 than 1e-30"));
         const unsigned bits = whole.bits_if_swapped();
-        info_.looks_swapped = bits > 0;
-        if (info_.looks_swapped)
-            info_.warnings.push_back(
-                fmt::format("its words {}. If so, save array.byteswap()", detail::told_swapped(bits)));
+        if (bits == 0)
+            return;
+        info_.looks_swapped = fmt::format("its words {}. If so, save array.byteswap()", detail::told_swapped(bits));
+        info_.warnings.push_back(info_.looks_swapped);
     }
 
     float convert(const unsigned char *bytes) const {

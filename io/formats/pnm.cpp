@@ -193,12 +193,13 @@ class PnmReader final : public Reader {
         for (std::size_t i = 0; 2 * i < bytes.size(); ++i)
             words.add(sample(image, bytes, i));
         const unsigned bits = words.bits_if_swapped();
-        info_.looks_swapped = bits > 0;
-        if (info_.looks_swapped)
-            info_.warnings.push_back(
-                fmt::format("its words look little-endian, though PNM is big-endian: with their bytes swapped none "
-                            "needs more than {} bits. If so, read its pixels as raw words: --raw {}",
-                            bits, raw_words(image, bits)));
+        if (bits == 0)
+            return;
+        info_.looks_swapped =
+            fmt::format("its words look little-endian, though PNM is big-endian: with their bytes swapped none needs "
+                        "more than {} bits. If so, read its pixels as raw words: --raw {}",
+                        bits, raw_words(image, bits));
+        info_.warnings.push_back(info_.looks_swapped);
     }
 
     /** The next decimal number, behind white space and comments; takes one character behind it, as the format wants. */

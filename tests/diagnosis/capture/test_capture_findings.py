@@ -121,6 +121,23 @@ def test_few_gray_levels_are_not_stretched_ones(found) -> None:
         "bits": 10, "black_level_dn": 64, "read_noise_dn": 0.3})))  # fmt: skip
 
 
+# --- Embedded data ---
+
+
+@pytest.mark.parametrize("where", [np.s_[0, :20], np.s_[-1], np.s_[5:8, 10:30]])
+def test_what_embedded_data_do_is_no_change_of_the_scene(found, where: Any) -> None:
+    """Counters and time stamps change from frame to frame as they like; a true change is told beside them."""
+    arrays, camera = recorded(11, frames=16)
+    random = np.random.default_rng(3)
+    for codes in arrays.values():
+        place = codes[(slice(None), *(where if isinstance(where, tuple) else (where,)))]
+        place[1:] = random.integers(0, 1024, place[1:].shape)
+        place[0] = random.integers(0, 3, place[0].shape)
+    assert set(kinds(found(arrays, camera))) <= {"odd_block", "odd_pixels"}
+    arrays["board_static"][8:] = np.roll(arrays["board_static"][8:], 9, axis=2)
+    assert "scene_changes" in kinds(found(arrays, camera))
+
+
 # --- Codes that never occur ---
 
 
@@ -169,6 +186,60 @@ def test_stretched_codes_are_told_and_taken_back(found, kind: str, described: bo
     shift = float(np.mean(back["dark"]) - np.mean(arrays["dark"]))
     assert float(advice[3]) == pytest.approx(camera["black_level_dn"] + shift, abs=0.1)
     assert float(advice[4]) == pytest.approx(camera["read_noise_dn"], rel=0.05)
+
+
+GAINS: dict[str, tuple[int, Callable[[Array], Array]]] = {
+    **{f"times {gain}": (12, lambda c, g=gain: np.rint(c * g)) for gain in (2.1, 2.25, 2.4, 2.5, 2.7, 2.9)},
+    "times 3 above the black level": (12, lambda c: (c - 64.0) * 3 + 64),
+    "times 3 above another level": (12, lambda c: (c - 60.0) * 3 + 60),
+    "times 2 above the black level": (12, lambda c: (c - 64.0) * 2 + 64),
+    "times 1.3 above the black level": (12, lambda c: np.rint((c - 64.0) * 1.3 + 64)),
+    "times 1.5, less 50": (12, lambda c: np.rint(c * 1.5) - 50),
+    "times 3 and 200": (12, lambda c: c * 3.0 + 200),
+    "times 2.5 above the black level": (12, lambda c: np.floor((c - 64.0) * 2.5 + 64.5)),
+}
+
+
+@pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.parametrize("light", [1.0, 2.5])
+def test_gains_about_any_code_are_taken_back(found, kind: str, light: float) -> None:
+    """Where light is clipped the code is the converter's top one: that tells the offset, which steps do not."""
+    bits, stretch = GAINS[kind]
+    arrays, camera = recorded(7, frames=16)
+    random = np.random.default_rng(5)
+    for name in ("board_static", "board_moving") if light > 1 else ():
+        codes = arrays[name].astype(np.float64)
+        brighter = 64 + (codes - 64) * light + random.uniform(-1.5, 1.5, codes.shape)
+        arrays[name] = np.minimum(np.where(codes > 64, np.rint(brighter), codes), 1023).astype(np.uint16)
+    stretched = {name: np.clip(stretch(codes), 0, 2**bits - 1) for name, codes in arrays.items()}
+    told = [w for w in found(stretched, {"bits": bits, "black_level_dn": 100.0, "read_noise_dn": 5.0})
+            if w["kind"] not in ("unused_bits", "saturated")]  # fmt: skip
+    (text,) = [w["text"] for w in told]
+    advice = re.search(
+        r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text
+    ) or re.search(r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text)
+    assert advice, text
+    divide = re.search(r"ivide the codes by (\d+)", text)
+    back = {name: np.rint(eval(advice[1], {"codes": codes}) / int(divide[1] if divide else 1))
+            for name, codes in stretched.items()}  # fmt: skip
+    assert min(codes.min() for codes in back.values()) >= 0
+    again = {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])}
+    assert [w for w in found(back, again) if w["kind"] != "saturated"] == []
+    if (arrays["board_static"] == 1023).sum() > 100:
+        assert int(advice[2]) == 10
+        assert all(np.array_equal(back[name], arrays[name]) for name in arrays), "the converter's own codes"
+
+
+def test_multiples_of_a_power_of_two_that_end_elsewhere(found) -> None:
+    """In words of 16 bits codes may stand in the upper bits: that light is clipped below the top code is told beside."""
+    arrays, camera = recorded(7, frames=16)
+    bright = {name: np.minimum(codes * (2 if name.startswith("board") else 1), 900) for name, codes in arrays.items()}
+    given = {"bits": 16, "black_level_dn": 64 * 64, "read_noise_dn": 256}
+    told = kinds(found({name: codes * 64 for name, codes in bright.items()}, given))
+    assert told[:1] == ["upper_bits"]
+    assert "clipped_below_top" in told
+    full = {name: np.minimum(codes * 2, 1023) if name.startswith("board") else codes for name, codes in arrays.items()}
+    assert "clipped_below_top" not in kinds(found({name: codes * 64 for name, codes in full.items()}, given))
 
 
 UPPER_BITS = re.compile(
