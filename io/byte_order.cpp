@@ -32,9 +32,10 @@ unsigned enough_bits(std::uint64_t code) {
 }
 
 std::string told_swapped(unsigned bits) {
-    return fmt::format("look as if their bytes were swapped: in the other order they lie close together, and none needs "
-                       "more than {} bits",
-                       bits);
+    return fmt::format(
+        "look as if their bytes were swapped: in the other order they lie close together, and none needs "
+        "more than {} bits",
+        bits);
 }
 
 std::uint64_t WholeNumbers::swapped(std::uint64_t number) const {

@@ -200,7 +200,7 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
     return plane;
 }
 
-VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
+VectorPlane read_vectors(Reader &reader, std::uint64_t frame, bool whole_numbers) {
     const Info &info = reader.info();
     const bool fits = info.channels == 3 || (info.channels == 4 && info.alpha);
     if (!fits)
@@ -211,12 +211,11 @@ VectorPlane read_vectors(Reader &reader, std::uint64_t frame) {
                                     info.channels == 1 && info.frame_count == 3
                                         ? ". Of one of 3 x height x width save numpy.moveaxis(array, 0, -1)"
                                         : ""));
-    if (info.full_scale > 0)
-        throw ReadError(
-            reader.path(),
-            fmt::format("positions and normals must be floating-point, not {}. Of normals as colors, 0 to {} "
-                        "for -1 to 1, save (normals * (2 / {}) - 1).astype(numpy.float32)",
-                        info.sample, info.full_scale, info.full_scale));
+    if (info.full_scale > 0 && !whole_numbers)
+        throw ReadError(reader.path(),
+                        fmt::format("normals must be floating-point, not {}. Of normals as colors, 0 to {} "
+                                    "for -1 to 1, save (normals * (2 / {}) - 1).astype(numpy.float32)",
+                                    info.sample, info.full_scale, info.full_scale));
     VectorPlane plane;
     plane.width = info.width;
     plane.height = info.height;

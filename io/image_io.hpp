@@ -136,8 +136,8 @@ enum class Encoding { as_stored, automatic, linear, srgb };
 Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &warnings, Colors colors = Colors::mean,
                 Encoding encoding = Encoding::as_stored);
 
-/** Reads a frame of three channels. */
-VectorPlane read_vectors(Reader &reader, std::uint64_t frame);
+/** Reads a frame of three channels. @param whole_numbers are taken as they are, too. */
+VectorPlane read_vectors(Reader &reader, std::uint64_t frame, bool whole_numbers = false);
 
 /** A file whose channels have names, as those of a scene have; any of them can be read together. */
 class ChannelFile {

@@ -27,6 +27,18 @@ namespace {
 
 constexpr double no_limit = std::numeric_limits<double>::infinity();
 
+bool is_real(const std::string &sample) {
+    return sample.rfind("float", 0) == 0 || sample == "rgbe";
+}
+
+/** Of whole numbers the unit must be told. @param automatic it is not. */
+void check_unit(const std::string &sample, bool automatic, const char *what, const std::string &name) {
+    if (automatic && !is_real(sample))
+        throw InputError(fmt::format("{}: {} must be floating-point metres, not {}, whose unit is not known; "
+                                     "--depth-scale 0.001 takes it as millimetres",
+                                     name, what, sample));
+}
+
 /** All frames of one or several files, in order. */
 class FileSeries {
   public:
@@ -68,7 +80,12 @@ class FileSeries {
                                    picture ? image_io::Colors::mean : image_io::Colors::refused,
                                    picture ? encoding_ : image_io::Encoding::as_stored);
     }
-    VectorPlane vectors(std::uint64_t frame) { return image_io::read_vectors(reader(frame), locate(frame).second); }
+    VectorPlane normals(std::uint64_t frame) { return image_io::read_vectors(reader(frame), locate(frame).second); }
+    /** @param config tells the unit of whole numbers. */
+    VectorPlane positions(std::uint64_t frame, const Config &config) {
+        check_unit(sample_, config.is_word("camera.depth_scale"), "position", paths_[locate(frame).first]);
+        return image_io::read_vectors(reader(frame), locate(frame).second, true);
+    }
 
     std::uint32_t width = 0;
     std::uint32_t height = 0;
@@ -109,8 +126,14 @@ class FileSeries {
 void check_albedo(Plane &plane, const std::string &name, LightChoice choice, std::vector<std::string> &warnings) {
     check_light(plane, name, "albedo", choice, warnings);
     const auto above = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 1.0f; });
+    const bool codes = std::all_of(plane.values.begin(), plane.values.end(),
+                                   [](float v) { return v <= 255.0f && v == std::floor(v); });
     if (above > 0)
-        warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1", name, above));
+        warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1, so that more light leaves the surface "
+                                       "than falls on it; save {}",
+                                       name, above,
+                                       codes ? "albedo / 255, if these are codes of 8 bits"
+                                             : "numpy.minimum(albedo, 1), which cuts them at 1"));
 }
 
 /** Renderers write the largest half or 1e10 where they see nothing, whatever their unit is. */
@@ -123,11 +146,8 @@ constexpr double far_m = 100.0;
 void settle_depth(Plane &plane, const std::string &name, const Config &config, std::vector<std::string> &warnings) {
     const bool automatic = config.is_word("camera.depth_scale");
     const double scale = automatic ? 1.0 : config.number("camera.depth_scale");
-    const bool integers = plane.sample.rfind("float", 0) != 0 && plane.sample != "rgbe";
-    if (integers && automatic)
-        throw InputError(fmt::format("{}: depth must be floating-point metres, not {}, whose unit is not known; "
-                                     "--depth-scale 0.001 takes it as millimetres",
-                                     name, plane.sample));
+    const bool integers = !is_real(plane.sample);
+    check_unit(plane.sample, automatic, "depth", name);
     std::vector<float> depths;
     std::size_t negative = 0;
     for (float &value : plane.values) {
@@ -225,13 +245,13 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
     // At silhouettes some do, where a renderer's pixels mix what is near and far.
     if (encoded > surfaces / 2) {
         warnings.push_back(fmt::format("{}: {} of {} normals look encoded as colors, 0 to 1 for -1 to 1: then save "
-                                       "2 * normals - 1",
+                                       "2 * normals[..., :3] - 1",
                                        name, encoded, surfaces));
         return;
     }
     if (encoded_8 > surfaces / 2) {
         warnings.push_back(fmt::format("{}: {} of {} normals look encoded as colors of 8 bits: then save "
-                                       "normals / 255 * 2 - 1",
+                                       "normals[..., :3] / 255 * 2 - 1",
                                        name, encoded_8, surfaces));
         return;
     }
@@ -239,14 +259,16 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
         warnings.push_back(fmt::format(
             "{}: {} of {} normals face away from the {}, so that there is no light there; normals point out of the "
             "surface, x to the right, y down, z away from the camera. Many renderers have y up and z towards the "
-            "camera: then save normals * [1, -1, -1]",
+            "camera: then save normals[..., :3] * [1, -1, -1]",
             name, away, surfaces, data.position.empty() ? "camera" : "laser"));
     if (bad > 0)
-        warnings.push_back(fmt::format(
-            "{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
-            "light there is wrong by their length{}",
-            name, bad, first % data.normal.width, first / data.normal.width,
-            longer > surfaces / 2 ? "; save normals / numpy.linalg.norm(normals, axis=-1, keepdims=True)" : ""));
+        warnings.push_back(
+            fmt::format("{}: {} normals on the surface are not of unit length, the first at pixel ({}, {}); the "
+                        "light there is wrong by their length{}",
+                        name, bad, first % data.normal.width, first / data.normal.width,
+                        longer > 0 ? "; save normals[..., :3] / "
+                                     "numpy.maximum(numpy.linalg.norm(normals[..., :3], axis=-1, keepdims=True), 1)"
+                                   : ""));
 }
 
 std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name) {
@@ -315,10 +337,13 @@ class Planes {
         for (auto &[name, series] : planes_) {
             const std::uint64_t index = series.frame_count == 1 ? 0 : frame;
             const std::string file = series.name(index);
-            if (name == "position" || name == "normal") {
-                (name == "position" ? data.position : data.normal) = series.vectors(index);
-                if (name == "position")
-                    scale_position(data.position, config_);
+            if (name == "position") {
+                data.position = series.positions(index, config_);
+                scale_position(data.position, config_);
+                continue;
+            }
+            if (name == "normal") {
+                data.normal = series.normals(index);
                 continue;
             }
             Plane plane = series.gray(index, warnings);

@@ -16,10 +16,12 @@
 #include <cmath>
 #include <filesystem>
 #include <future>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace tools {
 
@@ -263,6 +265,8 @@ class Renderer {
             sensor.quantize = config_.flag("sensor.quantize") ? 1 : 0;
             const std::vector<float> dark = pixel_map("sensor.dark_frame", "dark frame", false);
             const std::vector<float> gains = pixel_map("sensor.gain_map", "gain map", true);
+            if (!dark.empty())
+                dark_dn_ = std::accumulate(dark.begin(), dark.end(), 0.0) / static_cast<double>(dark.size());
             sensor.dark_frame_dn = dark.empty() ? nullptr : dark.data();
             sensor.gain_map = gains.empty() ? nullptr : gains.data();
             try {
@@ -374,9 +378,12 @@ class Renderer {
             record_times();
 
             Samples samples = read_output();
-            count_saturated(samples, i == 0);
+            const auto saturated = count_saturated(samples);
+            if (i == 0)
+                saturated_first_ = saturated;
+            if ((i == 0 || !still) && may_be_odd(data, samples, saturated))
+                warn_of_exposure(data, saturated);
             if (i == 0) {
-                warn_of_exposure(data);
                 moments_ = clspeckle::statistics::moments(*context_, queue_, output_image_);
                 if (preview)
                     scale = PreviewScale::of(samples);
@@ -662,15 +669,13 @@ class Renderer {
                                          "--illumination dark and a number for --exposure-gain",
                                          first_.name, why_black()));
         const double half_scale = top_code() / 2;
-        const double signal = half_scale - config_.number("sensor.black_level_dn");
+        const double signal = std::min(half_scale - config_.number("sensor.black_level_dn"), largest_signal() / 2);
         if (signal <= 0)
             throw InputError(
                 fmt::format("--exposure-gain auto aims at half of full scale ({:g} dn), which the black level ({:g} "
                             "dn) leaves no room for",
                             half_scale, config_.number("sensor.black_level_dn")));
-        const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
-        const double transmission = kept_mean ? 1.0 : aperture_.info().mean_transmission;
-        const double gain = signal / (bright * transmission);
+        const double gain = signal / (bright * passed());
         if (!(gain <= most_gain))
             throw InputError(fmt::format("{}: the first ideal image is too dark ({:g}) for an exposure; scale it with "
                                          "--irradiance-scale",
@@ -693,55 +698,119 @@ class Renderer {
                      "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
-    double ambient_light_dn() const {
-        double level = 0;
+    double effect_value(const char *id, double otherwise) const {
         for (const EffectSetting &effect : config_.effects())
-            if (effect.id == "ambient_light")
-                level = effect.values.front();
-        return level;
+            if (effect.id == id)
+                return effect.values.front();
+        return otherwise;
+    }
+    double ambient_light_dn() const { return effect_value("ambient_light", 0); }
+
+    /** Part of the light that the aperture passes, in the mean. */
+    double passed() const {
+        const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
+        return kept_mean ? 1.0 : aperture_.info().mean_transmission;
     }
 
-    /** A frame without light, or with most of its light at the top code, is seldom meant. */
-    void warn_of_exposure(const FrameData &data) {
+    /** The largest signal of a pixel, in dn; infinite: only the converter ends it. */
+    double largest_signal() const {
+        const double full = top_code();
+        double signal = effect_value("full_well", config_.number("sensor.saturation_dn"));
+        if (!std::isfinite(signal))
+            return signal;
+        signal *= 1 - effect_value("nonlinearity", 0) * std::pow(std::min(signal / full, 1.0), 3);
+        return full * std::pow(signal / full, effect_value("gamma", 1));
+    }
+    /** The converter's own largest code. */
+    double largest_code() const {
+        const auto bits = static_cast<double>(config_.integer("sensor.bits"));
+        return std::exp2(bits) - std::exp2(bits - effect_value("adc_bits", bits));
+    }
+    bool ends_below_top() const {
+        return has_sensor_ && config_.number("sensor.black_level_dn") + dark_dn_ + largest_signal() < largest_code();
+    }
+    /** A code that pixels at their end have: the top one, or what the noise leaves of the largest signal. */
+    double last_code() const {
+        if (!ends_below_top())
+            return largest_code();
+        const double signal = largest_signal();
+        return config_.number("sensor.black_level_dn") + dark_dn_ +
+               std::max(signal - 3 * config_.number("sensor.read_noise_dn"), signal / 2);
+    }
+
+    /** Whether a frame may be one to warn of. What the pattern brings to a scene is looked up again where less than
+     * half of the signal is left that there was, or more than twice that of the last time. */
+    bool may_be_odd(const FrameData &data, const Samples &samples, std::uint64_t saturated) {
         if (illumination_ == CLSP_ILLUMINATION_DARK)
-            return;
+            return false;
+        if (!input_.scene) {
+            const std::vector<float> &values = data.irradiance.values;
+            return saturated > 0 || *std::max_element(values.begin(), values.end()) * dn_per_light() < least_light();
+        }
+        const double mean = std::visit(
+            [](const auto &values) {
+                return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+            },
+            samples);
+        const double signal = std::max(mean - black_level(), 0.0);
+        const bool look = !signal_looked_up_ || signal < signal_ / 2 || signal > 2 * *signal_looked_up_;
+        if (look)
+            signal_looked_up_ = signal;
+        signal_ = look ? signal : std::max(signal, signal_);
+        return look;
+    }
+    double dn_per_light() const { return (has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 1) * passed(); }
+    double least_light() const { return has_sensor_ ? 0.5 : std::numeric_limits<double>::denorm_min(); }
+
+    /** A frame without light, or with most of its light at the top code, is seldom meant. Each is told once.
+     * @param at_end pixels at the last code. */
+    void warn_of_exposure(const FrameData &data, std::uint64_t at_end) {
         const std::vector<float> values = input_.scene ? look_up() : data.irradiance.values;
         const double brightest = *std::max_element(values.begin(), values.end());
         const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-        const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0;
+        const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0, behind = dn_per_light();
         const bool ambient = ambient_light_dn() >= 0.5;
-        if (ambient && !input_.scene && brightest * gain < 0.5)
+        const bool dark = brightest * behind < least_light();
+        if (ambient && !input_.scene && dark)
             return;
-        const bool dark = has_sensor_ ? brightest * gain < 0.5 : brightest <= 0;
         const char *no_light = ambient ? "the pattern brings no light" : "the frame has no light";
         const auto pixels = static_cast<double>(values.size());
         const double lit = ambient || gain <= 0
                                ? pixels
                                : static_cast<double>(std::count_if(values.begin(), values.end(),
-                                                                   [gain](float v) { return v * gain >= 0.5; }));
-        const auto saturated = static_cast<double>(saturated_first_);
+                                                                   [behind](float v) { return v * behind >= 0.5; }));
+        const auto saturated = static_cast<double>(at_end);
         const char *gain_advice = "--exposure-gain auto finds one";
-        if (dark && brightest <= 0)
-            console_.warn(fmt::format("{}: {}: {}. No gain helps; if no light is meant, --illumination dark says so",
-                                      data.name, no_light, why_black()));
-        else if (dark)
-            console_.warn(
-                input_.scene
-                    ? fmt::format(
-                          "{}: {}: the brightest point gets {:.3g} of full scale. Check the pattern's pose and extent "
-                          "(--pattern-laser-from-geometry, --pattern-half-extent-x), the unit of depths "
-                          "(--depth-scale), and the gain ({} dn)",
-                          data.name, no_light, brightest * gain / top_code(), gain)
-                    : fmt::format(
-                          "{}: the frame has no light: the brightest number is {:.3g}, and with a gain of {} dn "
-                          "that is less than half a code; {}",
-                          data.name, brightest, gain, gain_advice));
-        else if (has_sensor_ && saturated > 0 && saturated >= most_saturated * lit)
-            console_.warn(fmt::format(
-                "{}: {:.0f} % of the frame is at the top code, where {:.0f} % has light: the mean light is {:.3g}, "
-                "and the gain {} dn for light of 1; {}{}",
-                data.name, 100 * saturated / pixels, 100 * lit / pixels, mean, gain,
-                input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ", gain_advice));
+        const std::string part = passed() == 1 ? "" : fmt::format(", of which the aperture passes {:.3g}", passed());
+        if (dark && !std::exchange(told_dark_, true)) {
+            if (brightest <= 0)
+                console_.warn(
+                    fmt::format("{}: {}: {}. No gain helps; if no light is meant, --illumination dark says so",
+                                data.name, no_light, why_black()));
+            else if (input_.scene)
+                console_.warn(fmt::format(
+                    "{}: {}: the brightest point gets {:.3g} of full scale. Check the pattern's pose and extent "
+                    "(--pattern-laser-from-geometry, --pattern-half-extent-x), the unit of depths (--depth-scale), and "
+                    "the gain ({} dn{})",
+                    data.name, no_light, brightest * behind / top_code(), gain, part));
+            else
+                console_.warn(fmt::format("{}: the frame has no light: the brightest number is {:.3g}{}, and with a "
+                                          "gain of {} dn that is less than half a code; {}",
+                                          data.name, brightest, part, gain, gain_advice));
+        }
+        if (dark || !has_sensor_ || saturated <= 0 || saturated < most_saturated * lit ||
+            std::exchange(told_saturated_, true))
+            return;
+        const std::string end = ends_below_top()
+                                    ? fmt::format("at {:g} + {:g} dn, where its signal ends below the top code "
+                                                  "(--saturation-dn or the effect full_well)",
+                                                  config_.number("sensor.black_level_dn") + dark_dn_, largest_signal())
+                                    : "at the top code";
+        console_.warn(fmt::format(
+            "{}: {:.0f} % of the frame is {}, where {:.0f} % has light: the mean light is {:.3g}, and the gain {} dn "
+            "for light of 1; {}{}",
+            data.name, 100 * saturated / pixels, end, 100 * lit / pixels, mean, gain,
+            input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ", gain_advice));
     }
 
     void record_times() {
@@ -776,21 +845,19 @@ class Renderer {
     }
     double device_rate() const { return static_cast<double>(frames_) / device_seconds_; }
 
-    void count_saturated(const Samples &samples, bool first) {
+    /** Pixels of a frame that are at their end. */
+    std::uint64_t count_saturated(const Samples &samples) {
         if (!has_sensor_)
-            return;
-        // Half a code below the top, against the rounding of a float output.
+            return 0;
+        // Half a code below it, against the rounding of a float output.
         const double unit = float_output_ ? config_.number("sensor.float_full_scale") / top_code() : 1.0;
-        const double top = (top_code() - (float_output_ ? 0.5 : 0.0)) * unit;
-        std::visit(
+        const double last = (last_code() - (float_output_ ? 0.5 : 0.0)) * unit;
+        return std::visit(
             [&](const auto &values) {
-                using Value = typename std::decay_t<decltype(values)>::value_type;
-                const auto limit = static_cast<Value>(top);
-                const auto count = static_cast<std::uint64_t>(
-                    std::count_if(values.begin(), values.end(), [limit](Value v) { return v >= limit; }));
+                const auto count = static_cast<std::uint64_t>(std::count_if(
+                    values.begin(), values.end(), [last](auto v) { return static_cast<double>(v) >= last; }));
                 saturated_ += count;
-                if (first)
-                    saturated_first_ = count;
+                return count;
             },
             samples);
     }
@@ -854,6 +921,11 @@ class Renderer {
     ClspMoments moments_{};
     std::uint64_t saturated_ = 0;
     std::uint64_t saturated_first_ = 0;
+    double dark_dn_ = 0;                     ///< Mean of the dark frame.
+    std::optional<double> signal_looked_up_; ///< Mean signal of the frame whose ideal image was last looked up,
+    double signal_ = 0;                      ///< and the largest since.
+    bool told_dark_ = false;
+    bool told_saturated_ = false;
     std::vector<StageTimes> stages_;
     StageTimes frame_times_;
     double warm_up_seconds_ = 0;

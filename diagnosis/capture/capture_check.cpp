@@ -1,7 +1,7 @@
 #include "capture/capture_check.hpp"
 
 #include "capture/capture_validation.hpp"
-#include "capture/pixel_warnings.hpp"
+#include "capture/odd_places.hpp"
 #include "io/json_text.hpp"
 
 #include <algorithm>

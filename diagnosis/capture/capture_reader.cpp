@@ -40,9 +40,8 @@ class Oddities {
             const std::size_t more = one.oddity.files.size() - 1;
             const std::string others =
                 more == 0 ? "" : fmt::format(" and {} more{}", more, one.sequence.empty() ? "" : " of the sequence");
-            result.push_back(
-                {one.sequence, fmt::format("{}{}: {}", one.oddity.files.front(), others, one.oddity.text),
-                 one.oddity.kind});
+            result.push_back({one.sequence, fmt::format("{}{}: {}", one.oddity.files.front(), others, one.oddity.text),
+                              one.oddity.kind});
         }
         return result;
     }

@@ -172,8 +172,9 @@ std::string upper_bits(const Camera &camera, unsigned shift) {
                            "true (or divide the codes by {}), bits to {}",
                            1u << shift, numbers);
     return text +
-           fmt::format(". Divide the codes by {} (leave them where /camera/msb_aligned is true already), and set bits to {}",
-                       1u << shift, numbers);
+           fmt::format(
+               ". Divide the codes by {} (leave them where /camera/msb_aligned is true already), and set bits to {}",
+               1u << shift, numbers);
 }
 
 // The converter's bits: those whose full scale the step brings to the words', else the least that hold what occurs. A
@@ -209,8 +210,7 @@ std::string stretched(const Camera &camera, const CodeLattice &lattice, const Co
     return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
                        "stretched, most likely of {} bits; {}",
                        share, lattice.first, lattice.last, step,
-                       bits_before(camera.layout, with_top_code(lattice, range), range),
-                       back(camera, lattice, range));
+                       bits_before(camera.layout, with_top_code(lattice, range), range), back(camera, lattice, range));
 }
 
 std::string gaps_text(const Camera &camera, const CodeGaps &gaps, const CodeRange &range) {
@@ -246,8 +246,8 @@ std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string
     // Multiples of a number are on that of twice the number, too, with half of it as an offset. Words of 16 bits have
     // upper bits; in others a top code that is none of so many bits is that of a gain about another code than 0.
     const bool whole = !(lattice && lattice->step > std::ldexp(1.5, int(shift)));
-    const bool ends_elsewhere = camera.layout.bits < kMaxCaptureBits && lattice &&
-                                with_top_code(*lattice, range).offset != lattice->offset;
+    const bool ends_elsewhere =
+        camera.layout.bits < kMaxCaptureBits && lattice && with_top_code(*lattice, range).offset != lattice->offset;
     if (shift > 0 && whole && !ends_elsewhere)
         return CaptureWarning{sequence, upper_bits(camera, shift), "upper_bits"};
     if (!lattice)

@@ -268,10 +268,9 @@ struct TooLarge {
             but += ". But " + warning;
         // In the other order they may fit.
         if (const unsigned other = words.bits_if_swapped(); other > 0)
-            return !info.looks_swapped.empty()
-                       ? but.substr(2)
-                       : fmt::format("But its words {}. If so, save array.byteswap()",
-                                                    image_io::detail::told_swapped(other));
+            return !info.looks_swapped.empty() ? but.substr(2)
+                                               : fmt::format("But its words {}. If so, save array.byteswap()",
+                                                             image_io::detail::told_swapped(other));
         while (bits < kMaxCaptureBits && largest >= static_cast<float>(1u << bits))
             ++bits;
         if (const unsigned significant = info.significant_bits; significant > 0 && significant < 16)

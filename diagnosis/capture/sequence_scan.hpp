@@ -35,7 +35,7 @@ struct SequenceScan {
     std::uint16_t largest = 0;        // code, of masked pixels, too
     std::vector<std::uint16_t> codes; // that occur, but for the rarest and those that clip (code_spacing.hpp)
     CodeGaps gaps;                    // of scenes at rest
-    CodePile pile; // at the top code, too
+    CodePile pile;                    // at the top code, too
     std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
     std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };

@@ -15,6 +15,7 @@
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 
 namespace image_io::format_files {
@@ -342,9 +343,10 @@ class TiffReader final : public Reader {
         if (!is_line || !std::isfinite(told.offset) || !std::isfinite(told.factor) || told.factor == 0 ||
             layout.colors > 0 || (layout.bits < 8 && layout.sample_format == SAMPLEFORMAT_UINT) ||
             layout.photometric == PHOTOMETRIC_MINISWHITE)
-            fail(fmt::format("its numbers are calibrated by {} in a way that is not applied here. Save the values as "
-                             "NPY, or the numbers as they are stored: tifffile.imwrite(path, tifffile.imread(path))",
-                             by));
+            fail(
+                fmt::format("its numbers are calibrated by {} in a way that is not applied here. Save the values as "
+                            "NPY, or the numbers as they are stored: tifffile.imwrite(new_path, tifffile.imread(path))",
+                            by));
         if (told.offset == 0 && told.factor == 1)
             return;
         calibration_ = told;
@@ -447,8 +449,10 @@ class TiffReader final : public Reader {
     /** How an array is saved frame by frame. @param behind whether tifffile reads the frames as its last side. */
     std::string frames_first(bool behind) const {
         const std::string array = fmt::format("tifffile.imread(\"{}\")", path_);
-        return fmt::format("save tifffile.imwrite(\"{}\", {}, photometric=\"minisblack\")", path_,
-                           behind ? fmt::format("numpy.moveaxis({}, -1, 0)", array) : array);
+        std::filesystem::path other = path_;
+        other.replace_filename(other.stem().string() + "_frames.tif");
+        return fmt::format("save tifffile.imwrite(\"{}\", {}, photometric=\"minisblack\") and take that file instead",
+                           other.string(), behind ? fmt::format("numpy.moveaxis({}, -1, 0)", array) : array);
     }
 
     void find_stack(const ReadRequest &request, const Layout &layout) {
@@ -580,14 +584,15 @@ class TiffReader final : public Reader {
             stored_tag(TIFFTAG_PHOTOMETRIC) == PHOTOMETRIC_PALETTE)
             fail("says that its numbers are those of a palette (photometric interpretation 3), and has no colors of "
                  "one (tag ColorMap), or is damaged there. If they are gray, save it as min-is-black, for example "
-                 "tifffile.imwrite(path, image, photometric=\"minisblack\")");
+                 "tifffile.imwrite(new_path, image, photometric=\"minisblack\")");
         if (layout.photometric == PHOTOMETRIC_PALETTE)
             look_up_palette(layout);
         else if (layout.photometric == PHOTOMETRIC_CFA || layout.photometric == photometric_linear_raw)
-            fail(fmt::format("holds raw data of a camera (photometric interpretation {}). Save its codes as gray: "
-                             "tifffile.imwrite(path, image, photometric=\"minisblack\"); behind a color filter array, "
-                             "those of one color, image[0::2, 0::2]",
-                             layout.photometric));
+            fail(fmt::format(
+                "holds raw data of a camera (photometric interpretation {}). Save its codes as gray: "
+                "tifffile.imwrite(new_path, image, photometric=\"minisblack\"); behind a color filter array, "
+                "those of one color, image[0::2, 0::2]",
+                layout.photometric));
         else if (!gray && layout.photometric != PHOTOMETRIC_RGB)
             fail(fmt::format("its color space (photometric interpretation {}) is not supported; gray, RGB and palettes "
                              "are: convert it to RGB",
@@ -604,7 +609,7 @@ class TiffReader final : public Reader {
             fail("has a palette and an opacity, which is not supported; convert it to RGB");
         if (layout.photometric == PHOTOMETRIC_MINISWHITE && layout.sample_format != SAMPLEFORMAT_UINT)
             fail("says that 0 is white, though its numbers have no top code to count from. Save it as min-is-black: "
-                 "tifffile.imwrite(path, white - image, photometric=\"minisblack\"), where white is the number of "
+                 "tifffile.imwrite(new_path, white - image, photometric=\"minisblack\"), where white is the number of "
                  "white; "
                  "image alone where the numbers are light already");
         return layout;

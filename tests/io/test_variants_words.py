@@ -182,10 +182,10 @@ def test_imagej_without_a_calibration(tmp_path: Path, lines: tuple[str, ...]) ->
 def test_curves_of_imagej_are_refused_with_a_way_out(tmp_path: Path, lines: tuple[str, ...]) -> None:
     path = tmp_path / "a.tif"
     imagej(path, noise((41, 23)), *lines)
-    advice = re.search(r"(tifffile\.imwrite\(path, tifffile\.imread\(path\)\))", Dump(path).error)
+    advice = re.search(r"(tifffile\.imwrite\(new_path, tifffile\.imread\(path\)\))", Dump(path).error)
     assert advice and "calibrated by ImageJ" in Dump(path).error
-    eval(advice[1], {"tifffile": tifffile, "path": path})
-    Dump(path).check(noise((41, 23)), 255)
+    eval(advice[1], {"tifffile": tifffile, "path": path, "new_path": tmp_path / "b.tif"})
+    Dump(tmp_path / "b.tif").check(noise((41, 23)), 255)
 
 
 def gdal(path: Path, values: np.ndarray, **items: float) -> None:
@@ -228,11 +228,11 @@ def test_raw_data_of_cameras_have_a_way_out(tmp_path: Path, photometric: int) ->
     values = noise((41, 23), 1, 1023)
     path = tmp_path / "a.tif"
     path.write_bytes(test_variants_tiff.tiff_of(values.tobytes(), (41, 23), 16, photometric=photometric))
-    advice = re.search(r"(tifffile\.imwrite\(path, image, photometric=\"minisblack\"\)); .* (image\[0::2, 0::2\])", Dump(path).error)
+    advice = re.search(r"(tifffile\.imwrite\(new_path, image, photometric=\"minisblack\"\)); .* (image\[0::2, 0::2\])", Dump(path).error)
     assert advice
     for image in (values, eval(advice[2], {"image": values})):
-        eval(advice[1], {"tifffile": tifffile, "path": path, "image": image})
-        Dump(path).check(image, 65535)
+        eval(advice[1], {"tifffile": tifffile, "new_path": tmp_path / "b.tif", "image": image})
+        Dump(tmp_path / "b.tif").check(image, 65535)
 
 
 def test_complex_numbers_have_a_way_out(tmp_path: Path) -> None:

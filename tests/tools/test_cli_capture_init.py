@@ -437,7 +437,10 @@ def test_tiff_files_of_height_width_and_frames(ok, refused, tmp_path: Path, monk
     assert (f"taken as {height} frames, {width} pixels high" in told) == (name in ("pages", "ImageJ"))
     advice = re.search(r"save (tifffile\.imwrite\(.*, photometric=\"minisblack\"\))", told)
     assert advice
+    before = (folder / "dark.tif").read_bytes()
     exec(advice[1], {"numpy": np, "tifffile": tifffile})
+    assert (folder / "dark.tif").read_bytes() == before, "the original stays"
+    (folder / "dark.tif").rename(tmp_path / "original.tif")
     assert "warning" not in ok(*arguments).err.replace("notes", "")
     made = described(folder)
     assert (made["camera"]["width"], made["camera"]["height"]) == (width, height)
@@ -455,8 +458,9 @@ def test_few_frames_behind_height_and_width(ok, refused, tmp_path: Path, monkeyp
     advice = re.search(r"save (tifffile\.imwrite\(.*, photometric=\"minisblack\"\))", told)
     assert advice
     exec(advice[1], {"numpy": np, "tifffile": tifffile})
+    (tmp_path / "set" / "dark.tif").rename(tmp_path / "original.tif")
     assert "warning" not in ok("capture", "init", "set").err
-    np.testing.assert_array_equal(tifffile.imread("set/dark.tif"), frames)
+    np.testing.assert_array_equal(tifffile.imread("set/dark_frames.tif"), frames)
 
 
 def test_a_folder_that_cannot_be_written(refused, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -157,7 +158,7 @@ def test_the_program_and_python_tell_the_same_of_ideal_images(tmp_path: Path, na
 def test_what_is_advised_of_an_exposure_helps(name: str) -> None:
     scene, gain, _ = IDEALS[name]
     (told,) = said(lambda: clspeckle.simulate(scene, exposure_gain_dn=gain, seed=3))
-    advice = re.search(r"with exposure_gain_dn=(\d+ / float\(ideal\.max\(\)\)) the", told)
+    advice = re.search(r"with exposure_gain_dn=(\S+ / float\(ideal\.max\(\)\)) the", told)
     assert advice
     chosen = float(eval(advice[1], {"ideal": scene}))
     assert said(lambda: clspeckle.simulate(scene, exposure_gain_dn=chosen, seed=3)) == []
@@ -259,7 +260,7 @@ def test_what_is_advised_of_planes_helps() -> None:
         assert of_geometry(depth=eval(advice, {"depth": depth})) == []
     for normal in (OBLIQUE * [1, -1, -1], 0.5 + 0.5 * FACING):
         told = of_geometry(normal=normal)
-        advised = re.search(r"give ([^:]*)$", told[0])
+        advised = re.search(r"then give (.*)$", told[0])
         assert advised
         assert of_geometry(normal=eval(advised[1], {"normal": normal})) == []
     cut = (OBLIQUE * 0.9).astype(np.int8)
@@ -268,6 +269,33 @@ def test_what_is_advised_of_planes_helps() -> None:
     camera = pipeline()
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=OBLIQUE))) == []
     assert "face away" in said(lambda: camera.render(clspeckle.Geometry(position=position, normal=-OBLIQUE)))[0]
+
+
+FOLLOWED: dict[str, tuple[str, Array]] = {
+    "albedo_above_one": ("albedo", 1.5 * RAMP / RAMP.max()),
+    "albedo_as_codes": ("albedo", np.rint(RAMP * 255)),
+    "normals_that_face_away": ("normal", OBLIQUE * np.array([1, -1, -1], np.float32)),
+    "normals_as_colors": ("normal", 0.5 + 0.5 * OBLIQUE),
+    "normals_as_codes": ("normal", np.rint(255 * (0.5 + 0.5 * OBLIQUE))),
+    "normals_that_are_longer": ("normal", np.rint(127 * OBLIQUE)),
+}
+
+
+@pytest.mark.parametrize("four", [False, True])
+@pytest.mark.parametrize("kind", FOLLOWED)
+def test_what_the_program_advises_of_planes_helps(tmp_path: Path, kind: str, four: bool) -> None:
+    plane, array = FOLLOWED[kind]
+    if four and plane == "normal":
+        array = np.dstack([array, np.ones(SHAPE)])
+    files = ["--depth", "depth.npy", f"--{plane}", f"{plane}.npy"]
+    given: dict[str, Array] = {"depth": DEPTH, "texels": TEXELS, plane: array.astype(np.float32)}
+    told = of_program(tmp_path, *files, *SCENE, *CAMERA, **given)
+    advice = re.search(
+        r"save ((?:2 \* )?(?:normals\[|albedo /|numpy\.minimum\().*?)(?:,? (?:if|which) .*)?$", told, re.M
+    )
+    assert advice, told
+    given[plane] = np.asarray(eval(advice[1], {"numpy": np, "normals": given[plane], "albedo": given[plane]}))
+    assert of_program(tmp_path, *files, *SCENE, *CAMERA, **given) == ""
 
 
 def test_sky_of_the_largest_half_is_no_surface_in_another_unit() -> None:
@@ -296,22 +324,28 @@ def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> No
 
 
 def test_an_albedo_above_one_is_no_code() -> None:
-    albedo = 1.5 * RAMP / RAMP.max()
-    with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
-        of_geometry(albedo=albedo)
-    assert "/ 255" not in str(refused.value)
-    advice = re.search(r"; (np\.minimum\(albedo, 1\)) cuts", str(refused.value))
-    assert advice
-    assert of_geometry(albedo=eval(advice[1], {"albedo": albedo, "np": np})) == []
+    for albedo, words in ((1.5 * RAMP / RAMP.max(), r"(np\.minimum\(albedo, 1\)) cuts"),
+                          (np.rint(RAMP * 255), r"(albedo / 255) brings codes")):  # fmt: skip
+        told = of_geometry(albedo=albedo)
+        advice = re.search(words, told[0])
+        assert advice
+        assert of_geometry(albedo=eval(advice[1], {"albedo": albedo, "np": np})) == []
 
 
 def test_normals_of_another_length_have_a_way_out() -> None:
-    normal = np.rint(OBLIQUE * 127).astype(np.int8)
-    with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
-        of_geometry(normal=normal)
-    advice = re.search(r"give (normal / np\.linalg\.norm\(normal, axis=-1, keepdims=True\))", str(refused.value))
-    assert advice
-    assert of_geometry(normal=eval(advice[1], {"normal": normal, "np": np})) == []
+    """Also where some of them are 0, and of four channels."""
+    longer = np.rint(OBLIQUE * 127).astype(np.int8)
+    longer[0, :4] = 0
+    for normal in (longer, np.dstack([longer, np.full(SHAPE, 9, np.int8)])):
+        told = of_geometry(normal=normal)
+        advice = re.search(r"give (normal\[.*np\.linalg\.norm.*)$", told[0])
+        assert advice
+        given = eval(advice[1], {"normal": normal, "np": np})
+        assert np.isfinite(given).all()
+        assert of_geometry(normal=given) == []
+    one = OBLIQUE.copy()
+    one[5, 7] *= 50
+    assert "some normals are longer" in of_geometry(normal=one)[0]
 
 
 def test_positions_may_be_of_any_frame(tmp_path: Path) -> None:
@@ -339,12 +373,17 @@ def test_positions_may_be_of_any_frame(tmp_path: Path) -> None:
 
 
 REFUSED: dict[str, dict[str, Array]] = {
-    "normal": {"channels_first": np.moveaxis(OBLIQUE, -1, 0).copy(), "colors": 0.5 - 0.5 * FACING},
-    "albedo": {"codes_as_floats": np.rint(RAMP * 255)},
-    "depth": {"one_of_several": DEPTH[np.newaxis], "channels": np.stack([DEPTH] * 3)},
+    "normal": {
+        "channels_first": np.moveaxis(OBLIQUE, -1, 0).copy(),
+        "codes": np.rint((0.5 + 0.5 * OBLIQUE) * 255).astype(np.uint8),
+    },
+    "depth": {
+        "one_of_several": np.stack([DEPTH] * 3),
+        "whole_numbers": np.rint(DEPTH * 1000).astype(np.uint16),
+        "channels": np.dstack([DEPTH, DEPTH * 2, DEPTH]),
+    },
 }
-REFUSED["normal"]["codes"] = np.rint((0.5 + 0.5 * OBLIQUE) * 255).astype(np.uint8)
-REFUSED["normal"]["codes_as_floats"] = REFUSED["normal"]["codes"].astype(np.float32)
+REFUSED["normal"]["codes_of_four_channels"] = np.dstack([REFUSED["normal"]["codes"], np.full(SHAPE, 255, np.uint8)])
 
 
 @pytest.mark.parametrize(("plane", "kind"), [(plane, kind) for plane in REFUSED for kind in REFUSED[plane]])
@@ -353,15 +392,297 @@ def test_what_is_refused_has_a_way_out(plane: str, kind: str) -> None:
     with pytest.raises(clspeckle.errors.ClspeckleError) as refused:
         of_geometry(**{plane: array})
     advice = re.search(
-        rf"((?:2 \* |np\.moveaxis\()?\b{plane}(?:, 0, -1\)|\[0\]| / 255)?(?: \* 2)?(?: - 1)?)(?: |$)(?!has|must)",
+        rf"(np\.moveaxis\({plane}, 0, -1\)|{plane}\[\.\.\., :3\] / 255 \* 2 - 1|{plane}\[0\]|{plane}\[\.\.\., 0\]"
+        rf"|{plane} \* 0\.001)",
         str(refused.value),
     )
+    assert advice, str(refused.value)
+    assert of_geometry(**{plane: eval(advice[1], {plane: array, "np": np})}) == []
+
+
+COLORS: dict[str, Array] = {
+    "of_0_to_1": 0.5 - 0.5 * FACING,
+    "of_0_to_1_facing": 0.5 + 0.5 * OBLIQUE,
+    "of_8_bits": np.rint((0.5 + 0.5 * OBLIQUE) * 255),
+}
+
+
+@pytest.mark.parametrize("four", [False, True])
+@pytest.mark.parametrize("kind", COLORS)
+def test_normals_as_colors_have_a_way_out(kind: str, four: bool) -> None:
+    normal = np.dstack([COLORS[kind], np.ones(SHAPE)]) if four else COLORS[kind]
+    told = of_geometry(normal=normal)
+    advice = re.search(r"then give (.*)$", told[0])
     assert advice
-    told = of_geometry(**{plane: eval(advice[1], {plane: array, "np": np})})
-    if kind == "colors":  # those of most renderers have y up and z towards the camera, too
-        assert "face away from the camera" in told[0]
+    assert "as colors" in told[0]
+    again = of_geometry(normal=eval(advice[1], {"normal": normal}))
+    if kind == "of_0_to_1":  # those of most renderers have y up and z towards the camera, too
+        turned = re.search(r"then give (.*)$", again[0])
+        assert turned
+        assert "face away from the camera" in again[0]
+        normal = eval(advice[1], {"normal": normal})
+        assert of_geometry(normal=eval(turned[1], {"normal": normal})) == []
     else:
-        assert told == []
+        assert again == []
+
+
+@pytest.mark.parametrize("kind", ["channels_first", "whole_numbers"])
+def test_positions_that_are_refused_have_a_way_out(kind: str) -> None:
+    """Of a look-up, which knows the size by the positions alone, and of a frame."""
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0]))
+    meant = np.dstack([x, y, DEPTH]).astype(np.float32)
+    position = {"channels_first": np.moveaxis(meant, -1, 0).copy(), "whole_numbers": np.rint(meant * 1000).astype(int)}
+    pattern = clspeckle.Pattern(TEXELS, half_extent_x=0.9, half_extent_y=0.9)
+    for call in (pattern.lookup, pipeline().render):
+        with pytest.raises(clspeckle.errors.ClspeckleError) as refused:
+            call(clspeckle.Geometry(position[kind]))
+        advice = re.search(r"(np\.moveaxis\(position, 0, -1\)|position \* 0\.001)", str(refused.value))
+        assert advice
+        given = eval(advice[1], {"position": position[kind], "np": np})
+        assert np.allclose(given, meant, atol=1e-3)
+        assert said(lambda: call(clspeckle.Geometry(given))) == []  # noqa: B023
+
+
+def test_light_that_a_small_aperture_keeps_away(tmp_path: Path) -> None:
+    dim = RAMP * np.float32(0.03)
+    (told,) = of_ideal(dim, f_number=16.0)
+    assert "the part that the aperture passes" in told
+    advice = re.search(r"with exposure_gain_dn=(\S+ / float\(ideal\.max\(\)\)) the", told)
+    assert advice
+    assert of_ideal(dim, f_number=16.0, exposure_gain_dn=eval(advice[1], {"ideal": dim})) == []
+    assert of_ideal(dim, f_number=4.0) == []
+    assert of_ideal(dim, f_number=16.0, normalization="unit_mean") == []
+    assert "of which the aperture passes" in of_program(tmp_path, "ideal.npy", "--f-number", "16", ideal=dim)
+    assert of_program(tmp_path, "ideal.npy", "--f-number", "4", ideal=dim) == ""
+    auto = of_program(tmp_path, "ideal.npy", "--f-number", "16", "--exposure-gain", "auto", ideal=dim)
+    assert "has no light" not in auto
+
+
+def test_dots_without_light() -> None:
+    outside = clspeckle.Dots(SHAPE, np.array([[500.0, 500.0], [-90.0, 3.0]]), sigma_px=2)
+    inside = clspeckle.Dots(SHAPE, np.array([[10.0, 12.0], [20.0, 8.0]]), sigma_px=2)
+    told = said(clspeckle.Pipeline.from_parameters(SHAPE, dots=outside, seed=3).render)
+    assert len(told) == 1
+    assert "inside the image" in told[0]
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, dots=inside, seed=3, exposure_gain_dn=2000.0)
+    assert said(camera.render) == []
+    assert camera.sensor is not None
+    camera.sensor.exposure_gain_dn = 1e-3
+    assert len(said(camera.render)) == 1
+    camera.sensor.exposure_gain_dn = 2000.0
+    inside.configure(np.array([[500.0, 500.0]]), sigma_px=2)
+    assert len(said(camera.render)) == 1
+
+
+def test_a_later_frame_without_light(tmp_path: Path) -> None:
+    lit = clspeckle.Geometry(depth=DEPTH, intrinsics=INTRINSICS)
+    for dark in ({"depth": DEPTH * 0 + 30}, {"visibility": RAMP * 0}, {"normal": FACING * 0}):
+        planes: dict[str, Any] = {"depth": DEPTH, **dark}
+        camera = pipeline()
+        assert said(lambda: camera.render(lit)) == []  # noqa: B023
+        assert said(lambda: camera.render(lit)) == []  # noqa: B023
+        unlit = clspeckle.Geometry(intrinsics=INTRINSICS, **planes)
+        assert "has no light" in said(lambda: camera.render(unlit))[-1]  # noqa: B023
+        assert said(lambda: camera.render(lit)) == []  # noqa: B023
+        assert "has no light" in said(lambda: camera.render_batch([lit, unlit]))[-1]  # noqa: B023
+    stack = np.stack([DEPTH, DEPTH, DEPTH * 0 + 30])
+    program = of_program(tmp_path, "--depth", "depth.npy", *SCENE, *CAMERA, depth=stack, texels=TEXELS)
+    assert program.count("has no light") == 1
+    ideal = np.stack([RAMP, RAMP, RAMP * 0, RAMP * 0])
+    program = of_program(tmp_path, "ideal.npy", ideal=ideal)
+    assert program.count("has no light") == 1
+    assert "ideal.npy[2]" in program
+    assert of_program(tmp_path, "ideal.npy", ideal=ideal[:2]) == ""
+    assert "has no light" in said(lambda: clspeckle.simulate(ideal))[0]
+
+
+ENDS: dict[str, tuple[dict[str, Any], list[str], bool]] = {
+    "saturation_dn": ({"saturation_dn": 300.0}, ["--saturation-dn", "300"], True),
+    "full_well": ({"effects": {"full_well": {"level_dn": 300.0}}}, ["--effect", "full_well:level_dn=300"], True),
+    "full_well_and_gamma": (
+        {"effects": {"full_well": {"level_dn": 300.0}, "gamma": {"gamma": 0.8}}},
+        ["--effect", "full_well:level_dn=300", "--effect", "gamma:gamma=0.8"],
+        True,
+    ),
+    "adc_bits": ({"effects": {"adc_bits": {"bits": 6}}}, ["--effect", "adc_bits:bits=6"], False),
+    "full_well_e": ({"photons_per_unit": 4e3, "quantum_efficiency": 0.4, "conversion_gain_dn_per_e": 0.25,
+                     "full_well_e": 1200.0}, [], True),
+    "effective_bits": ({"bits": 16, "effective_bits": 10, "exposure_gain_dn": 3e4}, [], False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+@pytest.mark.parametrize("kind", ENDS)
+def test_a_signal_that_ends_below_the_top_code(tmp_path: Path, kind: str, dtype: type) -> None:
+    parameters, options, below = ENDS[kind]
+    bright = RAMP * np.float32(300)
+    (told,) = said(lambda: clspeckle.simulate(bright, dtype=dtype, seed=3, **parameters))
+    assert ("ends below the top code" in told) == below
+    advice = re.search(r"with (exposure_gain_dn|photons_per_unit)=(\S+ / float\(ideal\.max\(\)\)) the", told)
+    assert advice
+    given = {**parameters, advice[1]: eval(advice[2], {"ideal": bright})}
+    assert said(lambda: clspeckle.simulate(bright, dtype=dtype, seed=3, **given)) == []
+    assert said(lambda: clspeckle.simulate(RAMP * np.float32(0.2), dtype=dtype, seed=3, **parameters)) == []
+    if options:
+        out = ["--format", "float-npy"] if dtype == np.float32 else []
+        program = of_program(tmp_path, "ideal.npy", *options, *out, ideal=bright)
+        assert ("ends below the top code" in program) == below
+        assert "--exposure-gain auto finds one" in program
+        assert of_program(tmp_path, "ideal.npy", *options, *out, ideal=RAMP * np.float32(0.2)) == ""
+        auto = of_program(tmp_path, "ideal.npy", *options, *out, "--exposure-gain", "auto", ideal=bright)
+        assert "of the frame is" not in auto
+
+
+# Of an image, arrays that may be meant as it; of which the program and Python make the same, or refuse both.
+LAYOUTS: dict[str, Callable[[Array], Array]] = {
+    "height_width": lambda a: a,
+    "one_channel": lambda a: a[..., np.newaxis],
+    "full_opacity": lambda a: np.stack([a, np.full_like(a, opaque(a))], -1),
+    "opacity": lambda a: np.stack([a, a], -1),
+    "alike_colors": lambda a: np.stack([a] * 3, -1),
+    "colors": lambda a: np.stack([a, a[::-1], a], -1),
+    "alike_colors_and_opacity": lambda a: np.stack([a, a, a, np.full_like(a, opaque(a))], -1),
+    "colors_and_opacity": lambda a: np.stack([a, a[::-1], a, a], -1),
+    "one_frame": lambda a: a[np.newaxis],
+    "one_frame_one_channel": lambda a: a[np.newaxis, ..., np.newaxis],
+    "one_frame_colors": lambda a: np.stack([a, a[::-1], a], -1)[np.newaxis],
+    "one_frame_channel_first": lambda a: a[np.newaxis, np.newaxis],
+    "channels_first": lambda a: np.stack([a] * 3)[np.newaxis],
+    "five_axes": lambda a: a[np.newaxis, np.newaxis, np.newaxis],
+}
+FRAMES: dict[str, Callable[[Array], Array]] = {
+    "frames": lambda a: np.stack([a, a[::-1]]),
+    "frames_of_one_channel": lambda a: np.stack([a, a[::-1]])[..., np.newaxis],
+    "frames_of_colors": lambda a: np.stack([np.stack([a, a[::-1], a], -1)] * 2),
+    "frames_channel_first": lambda a: np.stack([a, a[::-1]])[:, np.newaxis],
+    "frames_behind": lambda a: np.stack([a] * 6, -1),
+    "channels_behind_channels": lambda a: np.stack([np.stack([a] * 6, -1)] * 2),
+}
+
+
+def opaque(array: Array) -> int:
+    return int(np.iinfo(array.dtype).max) if array.dtype.kind == "u" else 1
+
+
+def program_frame(folder: Path, *arguments: str, **arrays: Array) -> tuple[Array | None, str]:
+    """The first frame, None if the program refuses; and what it tells."""
+    for name, array in arrays.items():
+        np.save(folder / f"{name}.npy", array)
+    done = subprocess.run(
+        [PROGRAM, "render", *arguments, "-o", "out", "--no-preview", "--seed", "3", "--format", "npy"],
+        cwd=folder,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode in (0, 1), done.stderr
+    return (None if done.returncode else np.load(folder / "out" / "frame_000000.npy")), done.stderr
+
+
+def python_frame(call: Callable[[], Array]) -> tuple[Array | None, str]:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            frame: Array | None = call()
+        except (clspeckle.errors.ClspeckleError, TypeError) as error:
+            frame = None
+            warnings.warn(str(error), stacklevel=1)
+    return frame, "\n".join(str(one.message) for one in told)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16])
+@pytest.mark.parametrize("layout", [*LAYOUTS, *FRAMES])
+def test_the_program_and_python_take_the_same_arrays_as_ideal_images(tmp_path: Path, layout: str, dtype: type) -> None:
+    image: Array = (RAMP * (np.iinfo(dtype).max if dtype != np.float32 else 1)).astype(dtype)
+    array = {**LAYOUTS, **FRAMES}[layout](image)
+    program, said_by_program = program_frame(tmp_path, "ideal.npy", ideal=array)
+    python, said_by_python = python_frame(lambda: clspeckle.simulate(array, seed=3))
+    assert (program is None) == (python is None), (said_by_program, said_by_python)
+    if program is not None and python is not None:
+        assert np.array_equal(program, python if python.ndim == 2 else python[0])
+        assert bool(said_by_program) == bool(said_by_python), (said_by_program, said_by_python)
+        for words in ("opacity", "color channels", "frames, 32 pixels high"):
+            assert (words in said_by_program) == (words in said_by_python), words
+
+
+PLANES: dict[str, Array] = {
+    "depth": DEPTH,
+    "albedo": RAMP,
+    "visibility": RAMP,
+    "texels": RAMP,
+    "refresh": (RAMP > 0.5).astype(np.uint8),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_program_and_python_take_the_same_arrays_as_planes(tmp_path: Path, plane: str, layout: str) -> None:
+    array = LAYOUTS[layout](PLANES[plane])
+    planes: dict[str, Any] = {"depth": DEPTH, "texels": TEXELS, plane: array}
+    option = {"refresh": "refresh-mask"}
+    files = [word for name in planes if name != "texels" for word in (f"--{option.get(name, name)}", f"{name}.npy")]
+    program, said_by_program = program_frame(tmp_path, *files, *SCENE, *CAMERA, **planes)
+
+    def render() -> Array:
+        refresh = planes.pop("refresh", None)
+        camera = pipeline(planes.pop("texels"))
+        frame: Array = camera.render(clspeckle.Geometry(intrinsics=INTRINSICS, **planes), refresh=refresh)
+        return frame
+
+    python, said_by_python = python_frame(render)
+    assert (program is None) == (python is None), (said_by_program, said_by_python)
+    if program is not None and python is not None:
+        assert np.array_equal(program, python)
+        assert bool(said_by_program) == bool(said_by_python), (said_by_program, said_by_python)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("kind", ["floats", "one_frame", "whole_numbers", "channels_first", "longer", "zero"])
+@pytest.mark.parametrize("plane", ["normal", "position"])
+def test_the_program_and_python_take_the_same_vectors(tmp_path: Path, plane: str, kind: str, channels: int) -> None:
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0]))
+    position = np.dstack([x, y, DEPTH]).astype(np.float32)
+    meant = OBLIQUE if plane == "normal" else position
+    full = np.concatenate([meant, np.ones((*SHAPE, channels - 3), np.float32)], -1)
+    array = {
+        "floats": full,
+        "one_frame": full[np.newaxis],
+        "whole_numbers": np.rint(full * 1000).astype(np.int16),
+        "channels_first": np.moveaxis(full, -1, 0).copy(),
+        "longer": full * np.float32(1.5),
+        "zero": full * np.float32(0),
+    }[kind]
+    planes: dict[str, Any] = {plane: array}
+    if plane == "normal":
+        planes["position"] = position
+    files = [word for name in planes for word in (f"--{name}", f"{name}.npy")]
+    program, said_by_program = program_frame(tmp_path, *files, *SCENE, texels=TEXELS, **planes)
+    python, said_by_python = python_frame(lambda: pipeline().render(clspeckle.Geometry(**planes)))
+    assert (program is None) == (python is None), (said_by_program, said_by_python)
+    if program is not None and python is not None:
+        assert np.array_equal(program, python)
+        assert bool(said_by_program) == bool(said_by_python), (said_by_program, said_by_python)
+
+
+@pytest.mark.parametrize("layout", [*LAYOUTS, *FRAMES])
+def test_the_program_and_python_take_the_same_arrays_as_codes(tmp_path: Path, layout: str) -> None:
+    array = {**LAYOUTS, **FRAMES}[layout](np.random.default_rng(2).integers(60, 70, SHAPE).astype(np.uint16))
+    np.save(tmp_path / "dark.npy", array)
+    text = {"format": "clspeckle-capture", "version": 1, "laser": {"wavelength_nm": 940.0},
+            "camera": {"width": SHAPE[1], "height": SHAPE[0], "bits": 10, "pixel_pitch_um": 3.0, "f_number": 4.0,
+                       "black_level_dn": 64, "read_noise_dn": 3},
+            "sequences": [{"name": "dark", "file": "dark.npy", "scene": "dark"}]}  # fmt: skip
+    if layout == "frames_behind":
+        text["camera"].update(width=6, height=32)  # type: ignore[attr-defined]
+    (tmp_path / "capture.json").write_text(json.dumps(text))
+    done = subprocess.run([PROGRAM, "capture", "check", "."], cwd=tmp_path, check=False, capture_output=True, text=True)
+
+    def opened() -> Array:
+        clspeckle.Capture.from_arrays({"dark": array}, camera={"bits": 10})
+        return array
+
+    python, said_by_python = python_frame(opened)
+    assert (done.returncode == 0) == (python is not None), (done.stderr, said_by_python)
 
 
 def test_each_cause_is_told_once_for_a_line_of_code() -> None:

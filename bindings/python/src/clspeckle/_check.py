@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import difflib
+import functools
 import math
 import operator
 import os
@@ -149,20 +150,79 @@ def shape_text(expected: tuple[int | None, ...]) -> str:
 
 
 def has_channels(shape: tuple[int, ...]) -> bool:
-    """Whether an array is (height, width, channels) and hardly a sequence of frames that are so narrow."""
-    return len(shape) == 3 and shape[2] in (1, 3, 4) and min(shape[:2]) > 4
+    """Whether the last axis of an array is one of channels, 1 to 4: frames that are so narrow make no sense. The
+    program has the same rule for NPY files."""
+    return len(shape) == 4 or (len(shape) == 3 and shape[2] <= 4 < shape[1])
 
 
-def channels_advice(name: str) -> str:
-    """What to do with colors, where one value a pixel is needed."""
-    return f"; a camera without colors takes one of them, {name}[..., 0], or their mean, {name}[..., :3].mean(axis=-1)"
+def frames_of(given: npt.NDArray[Any], name: str) -> npt.NDArray[Any]:
+    """An array of (height, width) or (frames, height, width), either with channels behind; (frames, 1, height, width)
+    is taken, too."""
+    shape = given.shape
+    if len(shape) == 4 and shape[1] <= 4 < shape[3]:
+        if shape[1] > 1:
+            raise errors.InvalidArgumentError(
+                f"{name} has shape {shape}, with {shape[1]} channels before height and width; expected are channels "
+                f"behind: np.moveaxis({name}, 1, -1)"
+            )
+        return given[:, 0]
+    if len(shape) not in (2, 3, 4) or (len(shape) == 4 and shape[3] > 4):
+        raise errors.InvalidArgumentError(
+            f"{name} has shape {shape}, expected (height, width) or (frames, height, width), with 1 to 4 channels "
+            "behind or none"
+        )
+    return given
+
+
+def one_image(
+    given: npt.NDArray[Any], name: str, *, mean: bool = False, tell: bool = True, check: bool = True
+) -> npt.NDArray[Any]:
+    """One number for each pixel of one image, as the program takes it from a file: the first of 1 to 4 channels, of
+    which 2 and 4 end with an opacity. Where R, G and B differ their mean is taken, or they are refused.
+
+    Args:
+        mean: of light.
+        tell: warns of what is left out.
+        check: looks at whether channels differ.
+    """
+    if given.ndim < 3:
+        return given
+    if given.ndim > 4:
+        return given  # no image at all: the check of the shape says so
+    given = frames_of(given, name)
+    channels = given.shape[-1] if has_channels(given.shape) else 0
+    if given.ndim == (4 if channels else 3):
+        if len(given) != 1:
+            return given
+        given = given[0]
+    if channels == 0:
+        return given
+    first = given[..., 0]
+    if tell and channels in (2, 4) and bool((given[..., -1] != (full_scale(given.dtype) or 1)).any()):
+        _doubts.warn(
+            f"the last of the {channels} channels of {name} is taken as opacity and ignored; other channels are "
+            f"{name}[..., 0] and the like"
+        )
+    if channels < 3 or not check or bool((given[..., 1:3] == given[..., :1]).all()):
+        return first
+    if not mean:
+        raise errors.InvalidArgumentError(
+            f"{name} has shape {given.shape}, and its channels differ; one number for each pixel is needed: "
+            f"{name}[..., 0] is one of them"
+        )
+    if tell:
+        _doubts.warn(
+            f"the 3 color channels of {name} differ; their mean is taken (luminance weights mean nothing in the "
+            f"infrared); {name}[..., 0] is one of them"
+        )
+    return np.asarray(given[..., :3].mean(axis=-1, dtype=np.float64))
 
 
 def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, ...]) -> None:
     """Refuses another shape, and an empty array."""
     if not _fits(given.shape, expected):
-        advice = channels_advice(name) if len(expected) == 2 and has_channels(given.shape) else ""
-        if not advice and _fits(given.shape[1:], expected):
+        advice = ""
+        if _fits(given.shape[1:], expected):
             advice = f"; one of {given.shape[0]} is {name}[0]"
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}{advice}")
     if given.size == 0:
@@ -179,6 +239,8 @@ def float_plane(
         raise errors.InvalidFormatError(
             f"{name} has dtype {given.dtype}, expected {what}: float32 (other real dtypes are converted)"
         )
+    if len(shape) == 2:
+        given = one_image(given, name)
     check_shape(given, name, shape)
     if given.dtype.kind in "iu" and given.dtype.itemsize > 2:
         low, high = int(given.min()), int(given.max())
@@ -212,12 +274,12 @@ def places(bad: npt.NDArray[np.bool_]) -> str:
     return f"{count} pixel{'s' if count > 1 else ''} (the first at [{where}])"
 
 
-def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: float = math.inf) -> None:
-    """Refuses NaN, infinite values, and values outside [low, high]."""
+def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: float = math.inf) -> float:
+    """Refuses NaN, infinite values, and values outside [low, high]; gives the largest."""
     # Two fast passes while all is well: NaN makes both comparisons false.
     smallest, largest = float(image.min()), float(image.max())
     if smallest >= low and largest <= high and largest < math.inf and smallest > -math.inf:
-        return
+        return largest
     bad = ~((image >= low) & (image <= high) & np.isfinite(image))
     if low == -math.inf:
         expected = "finite values"
@@ -233,20 +295,24 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that{advice}")
 
 
+@functools.lru_cache(maxsize=64)
 def full_scale(dtype: np.dtype[Any]) -> int:
     """The number that means 1 in an image of light; 0: 1 does."""
     return int(np.iinfo(dtype).max) if dtype.kind == "u" and dtype.itemsize <= 2 else 0
 
 
-def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
+def light_plane(
+    value: Any, name: str, shape: tuple[int | None, int | None] = (None, None), *, mean: bool = True
+) -> npt.NDArray[np.float32]:
     """An image of light or parts of it. Whole numbers are what the program makes of them in a file: uint8 and uint16
     are divided by their top code; others have none, and are taken as they are."""
     given = array(value, name)
-    plane = float_plane(given, name, shape)
+    image = one_image(given, name, mean=mean) if given.dtype.kind in "fiub" else given
+    plane = float_plane(image, name, shape)
     if given.dtype.kind not in "iu":
         return plane
     top, full = int(np.iinfo(given.dtype).max), full_scale(given.dtype)
-    largest = int(given.max())
+    largest = int(image.max())
     # One of the bits of signed numbers is the sign. The text is that of all frames.
     all_bits = sorted({min(bits, top.bit_length()) for bits in (8, 10, 12, 14, 16)} - {16 if full else 0})
     advice = ", ".join(f"{name} / {2**bits - 1} makes the top code of {bits} bits 1" for bits in all_bits)
@@ -257,17 +323,22 @@ def light_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (N
         )
     elif full == 65535 and 1 < largest < 2**14:
         _doubts.warn(f"{name} has integers of 16 bits, of which the largest needs fewer; if its codes have: {advice}")
-    return plane if full == 0 else (given / full).astype(np.float32)
+    return plane if full == 0 else (image / full).astype(np.float32)
+
+
+def unit_error(dtype: np.dtype[Any], name: str) -> errors.InvalidFormatError:
+    """An error about whole numbers where metres are needed."""
+    return errors.InvalidFormatError(
+        f"{name} has dtype {dtype}, whose unit is not known; expected floating-point metres: {name} * 0.001 if it is "
+        "in millimetres"
+    )
 
 
 def depth_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (None, None)) -> npt.NDArray[np.float32]:
     """Depths in metres; of whole numbers the unit is not known."""
     given = array(value, name)
     if given.dtype.kind in "iub":
-        raise errors.InvalidFormatError(
-            f"{name} has dtype {given.dtype}, whose unit is not known; expected floating-point metres: {name} * 0.001 "
-            "if it is in millimetres"
-        )
+        raise unit_error(given.dtype, name)
     plane = float_plane(given, name, shape)
     _doubts.of_depth(plane, name)
     return plane
@@ -286,6 +357,7 @@ def number_plane(value: Any, name: str, shape: tuple[int | None, int | None] = (
     """An image of finite numbers: uint8 and uint16 as they are, others as float32."""
     given = array(value, name)
     if given.dtype in (np.uint8, np.uint16):
+        given = one_image(given, name)
         check_shape(given, name, shape)
         return np.ascontiguousarray(given)
     plane = float_plane(given, name, shape)
@@ -298,6 +370,7 @@ def mask_plane(value: Any, name: str, shape: tuple[int | None, int | None]) -> n
     given = array(value, name)
     if given.dtype.kind not in "biu":
         raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected a mask of bool or integers")
+    given = one_image(given, name)
     check_shape(given, name, shape)
     if given.dtype == np.uint8:
         return np.ascontiguousarray(given)

@@ -78,6 +78,8 @@ class Staging:
     def __init__(self, context: Context) -> None:
         self.context = context
         self._images: dict[str, DeviceImage] = {}
+        self.brightest = 0.0
+        """The largest number of the ideal image that was last copied, as light."""
 
     def image(self, name: str, shape: tuple[int, ...], dtype: npt.DTypeLike) -> DeviceImage:
         """Memory of undefined content."""

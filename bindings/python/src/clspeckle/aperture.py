@@ -136,12 +136,13 @@ class Aperture(Stage):
         if zernike_waves is not None:
             desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
-            image = _check.light_plane(pupil_image, "pupil_image")
+            image = _check.light_plane(pupil_image, "pupil_image", mean=False)
             _check.within(image, "pupil_image", 0.0, 1.0)
             desc.pupil_image = _check.pointer(image)
             desc.pupil_height, desc.pupil_width = image.shape
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
+        self._keeps_mean = desc.normalization == _library.CLSP_NORMALIZATION_UNIT_MEAN
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:

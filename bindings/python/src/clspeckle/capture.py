@@ -84,13 +84,21 @@ def _codes(value: npt.ArrayLike, name: str, bits: object) -> npt.NDArray[np.uint
                 else "the codes as the converter gives them; numpy's astype(numpy.uint16) keeps them if they fit"
             )
             raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected uint16: {why}")
+    if given.ndim in (3, 4) and _check.has_channels(given.shape):
+        frames = _check.frames_of(given, name)
+        given = frames[..., 0] if _check.has_channels(frames.shape) and frames.shape[-1] == 1 else frames
     if given.ndim == 2:
         given = given[np.newaxis]
     if given.ndim != 3 or given.size == 0:
+        if given.ndim == 4:
+            raise errors.InvalidArgumentError(
+                f"{name} has shape {given.shape}, expected (frames, height, width); of channels that are alike give "
+                "codes[..., 0]"
+            )
         empty = "; it is empty, give at least one frame" if given.size == 0 else ""
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (frames, height, width){empty}")
     # The reader of files takes so short an axis for channels.
-    if given.shape[2] <= 4 and given.shape[1] > 4:
+    if _check.has_channels(given.shape):
         raise errors.InvalidArgumentError(
             f"{name} has shape {given.shape}, expected (frames, height, width); if the last axis counts the frames, "
             f"give {_FRAMES_FIRST}, if it counts channels that are alike, codes[..., 0]"

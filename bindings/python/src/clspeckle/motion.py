@@ -25,7 +25,7 @@ from ._handle import exclusive
 from ._interop import EventLike
 from ._staging import Command, DeviceImageLike, HostCheck, ImageLike, Stage
 from .material import MaterialTable
-from .pattern import DEPTH_KIND, intrinsics_numbers, vectors_plane
+from .pattern import DEPTH_KIND, intrinsics_numbers, positions_plane, vectors_plane
 from .runtime import FLOAT32, FLOAT32X2, FLOAT32X3, UINT8, Context, Event, Format, QueueLike
 
 __all__ = ["Motion", "MotionInput"]
@@ -73,6 +73,7 @@ def material_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray
     given = _check.array(value, name)
     if given.dtype.kind not in "biu":
         raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected integers (uint8)")
+    given = _check.one_image(given, name)
     _check.check_shape(given, name, shape)
     if given.dtype != np.uint8 and (int(given.min()) < 0 or int(given.max()) > 255):
         raise errors.InvalidDataError(f"{name} must hold integers from 0 to 255")
@@ -80,12 +81,12 @@ def material_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray
 
 
 _IMAGES: dict[str, tuple[HostCheck, Format]] = {
-    "position": (vectors_plane, FLOAT32X3),
+    "position": (positions_plane, FLOAT32X3),
     "depth": (_check.depth_plane, FLOAT32),
     "normal": (vectors_plane, FLOAT32X3),
     "material": (material_plane, UINT8),
     "motion": (_check.vector2_plane, FLOAT32X2),
-    "previous_position": (vectors_plane, FLOAT32X3),
+    "previous_position": (positions_plane, FLOAT32X3),
     "previous_depth": (_check.depth_plane, FLOAT32),
     "previous_normal": (vectors_plane, FLOAT32X3),
     "previous_material": (material_plane, UINT8),

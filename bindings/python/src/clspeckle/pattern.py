@@ -34,9 +34,6 @@ DEPTH_KIND = {
     "along_ray": _library.CLSP_DEPTH_ALONG_RAY,
 }
 
-# Rounding to float32 or half precision may lengthen a unit normal by less than this.
-_NORMAL_TOLERANCE = 0.01
-
 
 @dataclasses.dataclass(eq=False)
 class Geometry:
@@ -55,7 +52,7 @@ class Geometry:
     normal: ImageLike | None = None
     """(height, width, 3 or 4), unit length, towards the camera; None: the surface faces the laser."""
     albedo: ImageLike | None = None
-    """(height, width) in [0, 1]; uint8 and uint16 are divided by their top code; None: 1."""
+    """(height, width) in [0, 1], more with a warning; uint8 and uint16 are divided by their top code; None: 1."""
     visibility: ImageLike | None = None
     """(height, width): does the laser see the point. Floats in [0, 1], uint8 from 0 to 255, uint16 from 0 to
     65535, or bool; None: 1."""
@@ -83,53 +80,57 @@ def intrinsics_numbers(value: Any) -> tuple[float, float, float, float]:
     return float(given[0, 0]), float(given[1, 1]), float(given[0, 2]), float(given[1, 2])
 
 
+def vectors_of(value: Any, name: str) -> npt.NDArray[Any]:
+    """An array of one image of vectors with three components, or four."""
+    given = _check.array(value, name)
+    if given.ndim == 4 and len(given) == 1:
+        given = given[0]
+    if given.ndim != 3 or given.shape[2] not in (3, 4):
+        first = given.ndim == 3 and given.shape[0] in (3, 4)
+        advice = f"; np.moveaxis({name}, 0, -1) puts x, y, z behind" if first else ""
+        raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected (height, width, 3 or 4){advice}")
+    return given
+
+
 def vectors_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
     """An image of vectors with three components, or four."""
-    given = _check.array(value, name)
-    if given.ndim != 3 or given.shape[2] not in (3, 4):
-        first = given.ndim == 3 and given.shape[0] in (3, 4) and given.shape[1:] == tuple(shape)
-        advice = f"; np.moveaxis({name}, 0, -1) puts x, y, z behind" if first else ""
+    given = vectors_of(value, name)
+    if given.shape[:2] != tuple(shape):
         raise errors.InvalidArgumentError(
-            f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4){advice}"
-        )
-    if given.dtype.kind == "u" and given.dtype.itemsize <= 2:
-        raise errors.InvalidFormatError(
-            f"{name} has dtype {given.dtype}, expected an image of vectors: floating-point. If they are encoded as "
-            f"colors, give {name} / {np.iinfo(given.dtype).max} * 2 - 1"
+            f"{name} has shape {given.shape}, expected {_check.shape_text(shape)[:-1]}, 3 or 4)"
         )
     return _check.float_plane(given, name, (shape[0], shape[1], None), "an image of vectors")
 
 
+def positions_plane(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """Positions in metres; of whole numbers the unit is not known."""
+    given = vectors_of(value, name)
+    if given.dtype.kind in "iub":
+        raise _check.unit_error(given.dtype, name)
+    return vectors_plane(given, name, shape)
+
+
 def _normals(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
-    vectors = vectors_plane(value, name, shape)
-    xyz = vectors[..., :3]
-    with np.errstate(invalid="ignore", over="ignore"):
-        # Averaged over a pixel's samples a normal gets shorter, never longer; where there is no surface it may be NaN.
-        bad = np.einsum("...i,...i->...", xyz, xyz) > (1.0 + _NORMAL_TOLERANCE) ** 2
-    if bad.any():
-        longer = xyz[bad]
-        advice = ""
-        if np.count_nonzero(_doubts.look_encoded(longer)) > len(longer) / 2:
-            advice = f"; they look encoded as colors, 0 to 1 for -1 to 1: then give 2 * {name} - 1"
-        elif np.count_nonzero(_doubts.look_encoded(longer / 255)) > len(longer) / 2:
-            advice = f"; they look encoded as colors of 8 bits: then give {name} / 255 * 2 - 1"
-        else:
-            advice = f"; give {name} / np.linalg.norm({name}, axis=-1, keepdims=True)"
-        raise errors.InvalidDataError(
-            f"{name} must hold vectors of unit length; {_check.places(bad)} longer than 1{advice}"
+    given = vectors_of(value, name)
+    if given.dtype.kind == "u" and given.dtype.itemsize <= 2:
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, expected an image of vectors: floating-point. If they are encoded as "
+            f"colors, give {name}[..., :3] / {np.iinfo(given.dtype).max} * 2 - 1"
         )
-    return vectors
+    return vectors_plane(given, name, shape)
 
 
 def _albedos(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
     plane = _check.light_plane(value, name, shape)
-    _check.within(plane, name, 0.0, 1.0)
+    _check.within(plane, name)
+    _doubts.of_albedo(plane, name)
     return plane
 
 
 def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
     given = _check.array(value, name)
     if given.dtype == np.bool_ or given.dtype == np.uint8:
+        given = _check.one_image(given, name)
         _check.check_shape(given, name, shape)
         plane: npt.NDArray[np.uint8] = np.ascontiguousarray(given, dtype=np.uint8)
         return plane * np.uint8(255) if given.dtype == np.bool_ else plane
@@ -137,11 +138,13 @@ def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
         raise errors.InvalidFormatError(
             f"{name} has dtype {given.dtype}, expected bool, uint8 (0 to 255), uint16 (0 to 65535) or floats"
         )
-    return _albedos(given, name, shape)
+    light = _check.light_plane(given, name, shape, mean=False)
+    _check.within(light, name, 0.0, 1.0)
+    return light
 
 
 _IMAGES: dict[str, tuple[HostCheck, Format]] = {
-    "position": (vectors_plane, FLOAT32X3),
+    "position": (positions_plane, FLOAT32X3),
     "depth": (_check.depth_plane, FLOAT32),
     "normal": (_normals, FLOAT32X3),
     "albedo": (_albedos, FLOAT32),
@@ -156,7 +159,10 @@ def geometry_shape(geometry: Geometry) -> tuple[int, int]:
         shape: tuple[int, ...] = () if value is None else getattr(value, "shape", ())
         if value is not None and not on_device(value):
             refuse_handle(value, name)
-            shape = _check.array(value, name).shape
+            if name in ("position", "normal"):
+                shape = vectors_of(value, name).shape
+            else:
+                shape = _check.one_image(_check.array(value, name), name, tell=False, check=False).shape
             if len(shape) < 2:
                 raise errors.InvalidArgumentError(f"{name} has shape {shape}, expected (height, width, ...)")
         if len(shape) >= 2:
@@ -191,9 +197,9 @@ def geometry_struct(
     used = (geometry.normal, geometry.depth if geometry.position is None else geometry.position)
     if not command.asynchronous and not any(value is None or on_device(value) for value in used):
         _doubts.of_normals(
-            geometry.normal,
-            geometry.depth,
-            geometry.position,
+            vectors_of(geometry.normal, "normal"),
+            None if geometry.depth is None else _check.one_image(np.asarray(geometry.depth), "depth", tell=False),
+            None if geometry.position is None else vectors_of(geometry.position, "position"),
             None if geometry.intrinsics is None else numbers,
             laser,
         )

@@ -10,6 +10,7 @@ import collections
 import contextlib
 import ctypes
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import (
     TYPE_CHECKING,
@@ -37,7 +38,7 @@ from .motion import Motion, MotionInput, material_plane, motion_struct
 from .pattern import Geometry, Pattern, Scene, geometry_struct
 from .phase import Phase
 from .profile import Profile
-from .runtime import FLOAT32, UINT8, UINT16, Context, Event, QueueLike, queue_pointer, resolve_context
+from .runtime import FLOAT32, UINT8, UINT16, Context, DeviceImage, Event, QueueLike, queue_pointer, resolve_context
 from .sensor import OUTPUT_DTYPES, Sensor
 
 if TYPE_CHECKING:
@@ -291,7 +292,9 @@ class Pipeline(Stage):
         self._spare: list[Staging] = []
         self._last: Event | None = None
         self._next_frame_index = 0
-        self._looked_up = False
+        # Mean signal of the frame whose ideal image was last looked up, and the largest since.
+        self._looked_up: tuple[float, float] | None = None
+        self._judged_by: tuple[Any, _doubts.Exposure] | None = None
         self._scene_name = "scene"  # of the caller's argument
         self._effects: dict[str, dict[str, float]] = {}
         self._polarization_count = phase.polarization_count
@@ -528,39 +531,72 @@ class Pipeline(Stage):
             self._doubt(given, target.host, self._staging)
             return result
 
+    def _exposure(self) -> _doubts.Exposure:
+        """By which frames are judged, made anew where the camera changed."""
+        sensor, ambient = self.sensor, 0.0 if self.lens is None else self.lens._ambient
+        camera = (
+            ambient,
+            None if sensor is None else (sensor._converter, sensor._exposure_gain_dn, sensor._dn_per_photon),
+        )
+        if self._judged_by is None or self._judged_by[0] != camera:
+            passed = 1.0 if self.aperture._keeps_mean else self.aperture.info().mean_transmission
+            if sensor is None:
+                made = _doubts.Exposure(None, 0.0, 0.0, passed, ambient)
+            else:
+                gain = sensor._exposure_gain_dn
+                if "ambient_light" in self._effects and gain > 0:
+                    ambient = self._effects["ambient_light"]["level_dn"] / gain
+                converter = sensor._converter.with_effects(self._effects)
+                made = _doubts.Exposure(converter, gain, sensor._dn_per_photon, passed, ambient)
+            self._judged_by = (camera, made)
+        return self._judged_by[1]
+
     def _doubt(self, frame: Frame, output: npt.NDArray[Any] | None, staging: Staging) -> None:
         """Tells a frame without light, and one with nothing but the top code."""
         if frame.illumination == "dark":
             return
-        scene, name, full = None, self._scene_name, 0
-        if not (frame.scene is None or isinstance(frame.scene, Geometry) or on_device(frame.scene)):
-            scene = np.asarray(frame.scene)
-            full = _check.full_scale(scene.dtype)
-            if scene.dtype.kind in "iu" and not full and scene.max() > 1:
-                return  # that no full scale is known has been told
-        bits, gain, photon, top = 0, 0.0, 0.0, 0.0
-        ambient = 0.0 if self.lens is None else self.lens._ambient
-        if self.sensor is not None:
-            photon = self.sensor._dn_per_photon
-            bits, gain, top = self.sensor.bits, self.sensor.exposure_gain_dn, 2.0**self.sensor.bits - 1
-            if output is not None and output.dtype.kind == "f":
-                # Half a code below the top, against rounding.
-                top = (top - 0.5) / top * self.sensor._float_full_scale
-            if "ambient_light" in self._effects and gain > 0:
-                ambient = self._effects["ambient_light"]["level_dn"] / gain
-        exposure = _doubts.Exposure(bits, gain, photon, top, ambient)
+        exposure, scene = self._exposure(), frame.scene
+        if scene is None or isinstance(scene, Geometry) or on_device(scene):
+            if output is not None:
+                self._doubt_signal(exposure, frame, output, staging)
+            elif isinstance(scene, Geometry) and self.pattern is not None and self._looked_up is None:
+                self._looked_up = 0.0, 0.0
+                exposure.of_pattern(_light_on(scene, self.pattern, staging))
+            return
+        if exposure.fits(staging.brightest):
+            return
+        ideal, name = np.asarray(scene), self._scene_name
+        full = _check.full_scale(ideal.dtype)
+        if ideal.ndim > 2:
+            ideal = _check.one_image(ideal, name, mean=True, tell=False)
+        if ideal.dtype.kind in "iu" and not full and ideal.max() > 1:
+            return  # that no full scale is known has been told
         if_meant = 'illumination="dark"'
         if name == "ideal":  # of simulate(), which has no illumination
             if_meant = 'clspeckle.Pipeline.from_parameters(ideal.shape[-2:]).render(illumination="dark")'
-        if scene is not None and exposure.of_scene(scene, name, full, if_meant):
-            return
-        light = scene
-        if isinstance(frame.scene, Geometry) and self.pattern is not None and not self._looked_up:
-            self._looked_up = True
-            light = _light_on(frame.scene, self.pattern, staging)
-            exposure.of_pattern(light)
-        if output is not None:
-            exposure.of_frame(output, light, "" if scene is None else name, full)
+        if not exposure.of_scene(ideal, name, full, if_meant) and output is not None:
+            exposure.of_frame(output, ideal, name, full)
+
+    def _doubt_signal(
+        self, exposure: _doubts.Exposure, frame: Frame, output: npt.NDArray[Any], staging: Staging
+    ) -> None:
+        """The same of a frame whose ideal image is not on the host. It is looked up again where less than half of the
+        signal is left that there was, or more than twice that of the last time."""
+        signal, light = max(exposure.signal_of(output), 0.0), None
+        at_look, largest = self._looked_up or (math.inf, math.inf)
+        if signal < largest / 2 or signal > 2 * at_look:
+            if isinstance(frame.scene, Geometry) and self.pattern is not None:
+                light = _light_on(frame.scene, self.pattern, staging)
+                exposure.of_pattern(light)
+            elif frame.scene is None and self.dots is not None:
+                light = self.dots.render()
+                self.dots._staging.clear()
+                exposure.of_dots(light)
+            self._looked_up = signal, signal
+        else:
+            self._looked_up = at_look, max(signal, largest)
+        if light is not None or exposure.may_be_saturated(output, signal):
+            exposure.of_frame(output, light, "", 0)
 
     def enqueue_frame(
         self,
@@ -667,7 +703,7 @@ class Pipeline(Stage):
         elif not laser:
             if scene is None or isinstance(scene, Geometry):
                 raise TypeError(f'frames with illumination "incoherent" need an ideal image, got {_check.kind(scene)}')
-            frame.irradiance = command.add(command.image(scene, self._scene_name, self.shape))
+            frame.irradiance = command.add(self._ideal(command, scene))
         elif self.dots is not None:
             if scene is not None:
                 raise TypeError(f"this pipeline has dots; its frames take no scene (None), got {_check.kind(scene)}")
@@ -679,10 +715,20 @@ class Pipeline(Stage):
         elif self.pattern is not None:
             raise TypeError(f"this pipeline has a pattern; its frames need a Geometry, got {_check.kind(scene)}")
         else:
-            frame.irradiance = command.add(command.image(scene, self._scene_name, self.shape))
+            frame.irradiance = command.add(self._ideal(command, scene))
         default = FLOAT32 if self.sensor is None else UINT16
         frame.output = command.add(device_image(output, "output", self.shape, default, self.context))
         return frame
+
+    def _ideal(self, command: Command, scene: Any) -> DeviceImage:
+        """The device image of an ideal image."""
+
+        def check(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+            plane = _check.light_plane(value, name, shape)
+            command.staging.brightest = _check.within(plane, name)
+            return plane
+
+        return command.image(scene, self._scene_name, self.shape, check=check)
 
     def _enqueue_frame(self, command: Command, given: Frame, output: DeviceImageLike) -> Event:
         frame = self._frame(command, given, output)
@@ -760,7 +806,8 @@ class Pipeline(Stage):
             self._after_effects()
 
     def _after_effects(self) -> None:
-        """What the stages' objects remember of their descriptions."""
+        """What the stages' objects remember of their descriptions, and how frames are judged."""
+        self._judged_by = self._looked_up = None
         self.phase.polarization_count = 2 if "depolarization" in self._effects else self._polarization_count
 
     @property
@@ -827,9 +874,11 @@ class Pipeline(Stage):
         """
         if isinstance(scenes, (str, bytes)) or not hasattr(scenes, "__len__"):
             raise TypeError(f"scenes must be an array (frames, height, width) or a sequence, got {_check.kind(scenes)}")
-        if isinstance(scenes, np.ndarray) and scenes.ndim != 3:
-            raise errors.InvalidArgumentError(f"scenes has shape {scenes.shape}, expected (frames, height, width)")
         sequence: Any = scenes
+        if isinstance(scenes, np.ndarray):
+            if scenes.ndim not in (3, 4):
+                raise errors.InvalidArgumentError(f"scenes has shape {scenes.shape}, expected (frames, height, width)")
+            sequence = _check.frames_of(scenes, "scenes")
         shape, dtypes = (len(sequence), *self.shape), self.output_dtypes
         if out is None:
             out = np.empty(shape, _dtype(dtype, dtypes))
@@ -1031,7 +1080,7 @@ def simulate(
 
     Args:
         ideal: (height, width), finite, >= 0: one frame; or (frames, height, width): a sequence with frame indices
-            counting up. uint8 and uint16 are divided by their top code.
+            counting up; with 1 to 4 channels behind or none. uint8 and uint16 are divided by their top code.
         frame_index: counter of the speckle and the noise of the first frame, below 2^48.
         refresh: for a sequence: None: all frames have the same speckle; "all": each has its own; a mask: new speckle
             there.
@@ -1043,19 +1092,18 @@ def simulate(
         **parameters: :class:`PipelineParameters`, for example ``f_number=2.8, seed=7, read_noise_dn=3``.
 
     Returns:
-        An array of the shape of `ideal`.
+        An array of the shape of `ideal`, without its channels.
 
     Threads: may be called from any number of threads at once.
     """
     context = resolve_context(context, ideal)
     shape: tuple[int, ...] = getattr(ideal, "shape", ())
     if not on_device(ideal):
-        ideal = _check.array(ideal, "ideal")
-        shape = ideal.shape
-    if len(shape) not in (2, 3) or _check.has_channels(shape):
-        advice = _check.channels_advice("ideal") if _check.has_channels(shape) else ""
+        ideal = _check.frames_of(_check.array(ideal, "ideal"), "ideal")
+        shape = ideal.shape[:-1] if _check.has_channels(ideal.shape) else ideal.shape
+    if len(shape) not in (2, 3):
         raise errors.InvalidArgumentError(
-            f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width){advice}"
+            f"ideal has shape {tuple(shape)}, expected (height, width) or (frames, height, width)"
         )
     size = _check.image_shape(shape[-2:], "ideal.shape")
     if len(shape) == 3:

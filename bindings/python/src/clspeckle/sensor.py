@@ -12,13 +12,13 @@ with its equations is in ``sensor.h``. Thesis sections 3.2.1 to 3.2.3.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _doubts, _library, errors
 from ._handle import exclusive
 from ._interop import EventLike
 from ._staging import DeviceImageLike, ImageLike, Stage
@@ -217,7 +217,7 @@ class Sensor(Stage):
         self.bits: int = desc.bits
         self._exposure_gain_dn: float = _exposure_gain(desc)
         self._dn_per_photon = _dn_per_photon(desc)
-        self._float_full_scale: float = desc.float_full_scale
+        self._converter = _converter(desc, self._options)
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
@@ -267,7 +267,7 @@ class Sensor(Stage):
             self.bits = desc.bits
             self._exposure_gain_dn = _exposure_gain(desc)
             self._dn_per_photon = _dn_per_photon(desc)
-            self._float_full_scale = desc.float_full_scale
+            self._converter = _converter(desc, options)
 
     def reset_lag(self) -> None:
         """Forgets the frame before: the next one has no lag."""
@@ -398,6 +398,20 @@ def _dn_per_photon(desc: _library.ClspSensorDesc) -> float:
     if desc.photons_per_unit > 0:
         return float(desc.conversion_gain_dn_per_e * desc.quantum_efficiency)
     return 0.0
+
+
+def _converter(desc: _library.ClspSensorDesc, options: Mapping[str, Any]) -> _doubts.Converter:
+    dark = options["dark_frame_dn"]
+    return _doubts.Converter(
+        bits=desc.bits,
+        saturation_dn=desc.conversion_gain_dn_per_e * desc.full_well_e if desc.full_well_e > 0 else desc.saturation_dn,
+        offset_dn=desc.black_level_dn + (0.0 if dark is None else float(dark.mean())),
+        noise_dn=desc.read_noise_dn,
+        effective_bits=desc.effective_bits or desc.bits,
+        gamma=desc.gamma,
+        cubic=desc.cubic_nonlinearity,
+        float_full_scale=desc.float_full_scale,
+    )
 
 
 def _values(desc: _library.ClspSensorDesc) -> dict[str, Any]:
