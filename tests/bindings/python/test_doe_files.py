@@ -81,7 +81,7 @@ def test_what_cannot_be_saved_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(errors.InputOutputError, match="cannot be written"):
         clspeckle.DoeElement(PHASE, 1e-6).save(tmp_path / "cell")
     for element in (
-        clspeckle.DoeElement(PHASE[None], 1e-6),
+        clspeckle.DoeElement(np.stack([PHASE] * 2), 1e-6),
         clspeckle.DoeElement(PHASE, "1e-6"),  # type: ignore[arg-type]
         clspeckle.DoeElement(PHASE, float("nan")),
         clspeckle.DoeElement(PHASE, 1e-6, orders={}),  # type: ignore[arg-type]

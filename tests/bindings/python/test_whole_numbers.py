@@ -78,9 +78,11 @@ def test_planes_of_a_scene() -> None:
         expected = ideal(**{name: (CODES / 255).astype(np.float32)})
         for array in (CODES.astype(np.uint8), CODES.astype(np.uint16) * 257):
             np.testing.assert_allclose(ideal(**{name: array}), expected, rtol=1e-6)
-        refusal = pytest.raises(clspeckle.errors.ClspeckleError, match=r"from 0 to 1|uint16")
-        with warnings.catch_warnings(record=True), refusal:
-            ideal(**{name: CODES.astype(np.int32)})
+    with pytest.raises(clspeckle.errors.ClspeckleError, match="uint16"):
+        ideal(visibility=CODES.astype(np.int32))
+    with pytest.warns(UserWarning, match=r"tells no full scale|above 1") as told:
+        ideal(albedo=CODES.astype(np.int32))
+    assert len(told) == 2
     with pytest.raises(
         clspeckle.errors.InvalidFormatError, match="normal has dtype uint8, expected an image of vectors"
     ):
