@@ -9,7 +9,7 @@ packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl
           pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega libspng-dev libtiff-dev
           libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
 if [ "$level" = test ]; then
-    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache)
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache doxygen)
 fi
 
 missing=()
@@ -33,7 +33,7 @@ fi
 .venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()
-    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt; do
+    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt docs/requirements.txt; do
         requirements+=(-r "$file")
     done
     .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"

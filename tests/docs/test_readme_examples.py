@@ -1,4 +1,6 @@
-"""Every Python block of the README is a file of examples/readme, word for word, and runs."""
+"""Every Python block of the README and of docs/guide/frames.md is a file of examples/readme, word for word, and runs.
+
+The README is followed to the letter: its commands, then its Python."""
 
 from __future__ import annotations
 
@@ -7,21 +9,38 @@ import subprocess
 import sys
 from pathlib import Path
 
+import followed
 import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples" / "readme").glob("*.py"))
 
 
+def blocks_of(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+
+
 def test_every_block_is_an_example() -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert len(blocks) >= 4
+    blocks = [block for page in ("README.md", "docs/guide/frames.md") for block in blocks_of(page, "python")]
+    assert len(blocks) >= 5
     assert sorted(blocks) == sorted(file.read_text() for file in EXAMPLES)
 
 
 def run(name: str) -> str:
     file = ROOT / "examples" / "readme" / name
     return subprocess.run([sys.executable, file], check=True, capture_output=True, text=True, timeout=300).stdout
+
+
+def test_the_readme_to_the_letter(checkout: followed.Checkout) -> None:
+    out = checkout.follow(ROOT / "README.md")
+    assert (checkout.folder / "report.html").is_file()
+    assert len(list((checkout.folder / "frames").glob("frame_*.png"))) >= 1
+    assert "named ('defocus',)" in out
+    assert float(out.split("part of the gap gone:")[1]) > 0.7
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().split()) < 900
 
 
 def test_motion() -> None:

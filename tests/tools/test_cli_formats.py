@@ -61,8 +61,8 @@ def test_help_readme_and_samples_name_the_same_formats(ok) -> None:
     of_format = {"PNM": {".pgm", ".ppm", ".pnm"}, "JPEG": {".jpg"}, "raw": set()}  # raw: test_cli_raw.py
     expected = [of_format.get(name, {f".{name.split()[-1].lower()}"}) for name in names]
     assert set().union(*expected) == suffixes
-    readme = " ".join((Path(__file__).resolve().parents[2] / "README.md").read_text().split())
-    listed = re.search(r"image may be ([^.]*)\.", readme)
+    page = Path(__file__).resolve().parents[2] / "docs" / "guide" / "command-line.md"
+    listed = re.search(r"image may be ([^.]*)\.", " ".join(page.read_text().split()))
     assert listed
     assert set(re.split(r", | or ", listed[1])) == names
 

@@ -80,7 +80,7 @@ typedef int32_t (*ClspHypothesisFunction)(void *user_data, const ClspHypothesisF
  *
  *  which gives the new value of a pixel. It runs on the device, several frames at once; parameters are members of `values`, in single
  *  precision, and their names must be identifiers and no words of OpenCL C's own; the text must stand
- *  alone (no #include). `frame` has pixels (as they were, row by row), width, height, bits, sequence, scene
+ *  alone (no &#35;include). `frame` has pixels (as they were, row by row), width, height, bits, sequence, scene
  *  (CLSP_SCENE_*), moving, frame_index, seed, f_number, pixel_pitch_m and wavelength_m. hypothesis_pixel(frame, x, y) reads the pixel, beyond
  *  the border the nearest one inside; hypothesis_normal(frame, x, y, draw) is a standard normal number of that place, frame and sequence,
  *  hypothesis_fixed_normal(frame, x, y, draw) one that is the same in all frames of a capture; draw is 0 to 15. */

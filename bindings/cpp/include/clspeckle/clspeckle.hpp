@@ -42,6 +42,7 @@ namespace clspeckle {
 /** A failed call: what() is "function: message (status)". */
 class Error : public std::runtime_error {
   public:
+    /** What a call that failed says: the members have it. */
     Error(ClspStatus status, std::int32_t opencl_code, std::string function, std::string message, std::string build_log)
         : std::runtime_error(function + ": " + message + " (" + clspStatusString(status) + ")"), status_(status),
           opencl_code_(opencl_code), function_(std::move(function)), message_(std::move(message)),
@@ -269,8 +270,13 @@ inline ClspImage image(cl_mem mem, std::uint32_t width, std::uint32_t height, st
 
 /** The loaded library's release and ABI number. */
 struct Version {
-    std::uint32_t major, minor, patch, abi;
+    /** Of the library: semantic version, and the number of its binary interface. */
+    std::uint32_t major; /**< Of the release. */
+    std::uint32_t minor; /**< Of the release. */
+    std::uint32_t patch; /**< Of the release. */
+    std::uint32_t abi;   /**< Of the binary interface. */
 };
+/** clspGetVersion(). */
 inline Version version() {
     Version v{};
     check(clspGetVersion(&v.major, &v.minor, &v.patch, &v.abi));
@@ -315,6 +321,7 @@ class Context : public detail::Shared<Context, ClspContext, clspContextRetain, c
   public:
     /** The best device, or the one that CLSPECKLE_DEVICE names. */
     Context() { check(clspContextCreate(nullptr, &handle_)); }
+    /** clspContextCreate(). */
     explicit Context(const ClspContextDesc &desc) { check(clspContextCreate(&desc, &handle_)); }
     /** A context on the host's own cl_context, which is retained while this one lives. */
     static Context from_host(cl_context host_context, cl_device_id host_device) {
@@ -326,6 +333,7 @@ class Context : public detail::Shared<Context, ClspContext, clspContextRetain, c
     /** Takes over one reference of a C handle. */
     static Context adopt(ClspContext handle) noexcept { return Context(handle, 0); }
 
+    /** clspContextGetInfo(). */
     ClspContextInfo info() const {
         auto result = make<ClspContextInfo>();
         check(clspContextGetInfo(handle_, &result));
@@ -409,8 +417,10 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
         : Buffer(context, values.size() * sizeof(T)) {
         write(queue, values);
     }
+    /** Takes the other's memory over. */
     Buffer(Buffer &&other) noexcept
         : Unique(std::move(other)), size_bytes_(std::exchange(other.size_bytes_, std::uint64_t{0})) {}
+    /** Takes the other's memory over. */
     Buffer &operator=(Buffer &&other) noexcept {
         if (this != &other) {
             Unique::operator=(std::move(other));
@@ -423,6 +433,7 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
     /** Wraps the host's memory, which must outlive the wrapper. */
     static Buffer borrow(cl_mem mem, std::uint64_t size_bytes) noexcept { return Buffer(mem, size_bytes, false); }
 
+    /** Of the memory, as it was made. */
     std::uint64_t size_bytes() const noexcept { return size_bytes_; }
 
     /** A view of this memory as an image, see clspeckle::image(). */
@@ -436,6 +447,7 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
                std::uint64_t offset_bytes = 0) const {
         check(clspBufferWrite(queue, data, size_bytes, object_, offset_bytes));
     }
+    /** Writes all values from the offset on. Waits. */
     template <typename T>
     void write(cl_command_queue queue, const std::vector<T> &values, std::uint64_t offset_bytes = 0) const {
         detail::require_plain<T>();
@@ -464,6 +476,7 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
                        Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspBufferEnqueueWrite, queue, data, size_bytes, object_, offset_bytes);
     }
+    /** clspBufferEnqueueRead(). */
     void enqueue_read(cl_command_queue queue, void *data, std::uint64_t size_bytes, std::uint64_t offset_bytes = 0,
                       const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspBufferEnqueueRead, queue, object_, offset_bytes, size_bytes, data);
@@ -498,12 +511,14 @@ inline void enqueue_fill(const Context &context, cl_command_queue queue, const C
 class Pattern : public detail::Shared<Pattern, ClspPattern, clspPatternRetain, clspPatternRelease> {
   public:
     Pattern() noexcept = default;
+    /** clspPatternCreate(). */
     Pattern(const Context &context, const ClspPatternDesc &desc) { check(clspPatternCreate(context, &desc, &handle_)); }
 
     /** Moves the laser. @param laser_from_geometry [R|t], 3 x 4 row-major. */
     void set_pose(const double (&laser_from_geometry)[12]) const {
         check(clspPatternSetPose(handle_, laser_from_geometry));
     }
+    /** clspPatternEnqueueLookup(). */
     void enqueue_lookup(cl_command_queue queue, const ClspGeometry &geometry, const ClspImage &irradiance,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspPatternEnqueueLookup, handle_, queue, &geometry, &irradiance);
@@ -519,10 +534,12 @@ class DoePattern : public detail::Shared<DoePattern, ClspDoePattern, clspDoePatt
         detail::call_with_progress(
             desc, progress, [&](const ClspDoePatternDesc *d) { return clspDoePatternCreate(context, d, &handle_); });
     }
+    /** clspSpotPatternCreate(). */
     DoePattern(const Context &context, const ClspSpotPatternDesc &desc) {
         check(clspSpotPatternCreate(context, &desc, &handle_));
     }
 
+    /** clspDoePatternGetInfo(). */
     ClspDoePatternInfo info() const {
         ClspDoePatternInfo info{};
         info.struct_size = sizeof info;
@@ -548,10 +565,12 @@ class DoePattern : public detail::Shared<DoePattern, ClspDoePattern, clspDoePatt
 class Dots : public detail::Shared<Dots, ClspDots, clspDotsRetain, clspDotsRelease> {
   public:
     Dots() noexcept = default;
+    /** clspDotsCreate(). */
     Dots(const Context &context, const ClspDotsDesc &desc) { check(clspDotsCreate(context, &desc, &handle_)); }
 
     /** Changes the pattern; with count 0 and no pointers the dots stay. All or nothing. */
     void configure(const ClspDotsDesc &desc) const { check(clspDotsConfigure(handle_, &desc)); }
+    /** clspDotsEnqueueRender(). */
     void enqueue_render(cl_command_queue queue, const ClspImage &irradiance,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspDotsEnqueueRender, handle_, queue, &irradiance);
@@ -561,6 +580,7 @@ class Dots : public detail::Shared<Dots, ClspDots, clspDotsRetain, clspDotsRelea
 /** What clspDepthGetDots() tells of a frame. */
 struct DepthResult {
     std::vector<ClspDepthDot> dots; /**< Row by row. */
+    /** Of the frame: how many dots were found, known and measured. */
     ClspDepthSummary summary{};
 };
 
@@ -568,8 +588,10 @@ struct DepthResult {
 class Depth : public detail::Shared<Depth, ClspDepth, clspDepthRetain, clspDepthRelease> {
   public:
     Depth() noexcept = default;
+    /** clspDepthCreate(). */
     Depth(const Context &context, const ClspDepthDesc &desc) { check(clspDepthCreate(context, &desc, &handle_)); }
 
+    /** clspDepthEnqueueDetect(). */
     void enqueue_detect(cl_command_queue queue, const ClspImage &image, const std::vector<cl_event> &wait_list = {},
                         Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspDepthEnqueueDetect, handle_, queue, &image);
@@ -603,6 +625,7 @@ class Depth : public detail::Shared<Depth, ClspDepth, clspDepthRetain, clspDepth
 class Phase : public detail::Shared<Phase, ClspPhase, clspPhaseRetain, clspPhaseRelease> {
   public:
     Phase() noexcept = default;
+    /** clspPhaseCreate(). */
     Phase(const Context &context, const ClspPhaseDesc &desc) {
         clspeckle::check(clspPhaseCreate(context, &desc, &handle_));
     }
@@ -619,19 +642,23 @@ class Phase : public detail::Shared<Phase, ClspPhase, clspPhaseRetain, clspPhase
     }
     /** Waits, and throws CLSP_ERROR_INVALID_DATA if advances since the last check held bad pixels. */
     void check(cl_command_queue queue) const { clspeckle::check(clspPhaseCheck(handle_, queue)); }
+    /** clspPhaseEnqueueField(). */
     void enqueue_field(cl_command_queue queue, std::uint32_t polarization, const ClspImage &field,
                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspPhaseEnqueueField, handle_, queue, polarization, &field);
     }
+    /** clspPhaseGetStateSize(). */
     std::uint64_t state_size() const {
         std::uint64_t size_bytes = 0;
         clspeckle::check(clspPhaseGetStateSize(handle_, &size_bytes));
         return size_bytes;
     }
+    /** clspPhaseEnqueueSave(). */
     void enqueue_save(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
                       const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspPhaseEnqueueSave, handle_, queue, mem, offset_bytes);
     }
+    /** clspPhaseEnqueueRestore(). */
     void enqueue_restore(cl_command_queue queue, cl_mem mem, std::uint64_t offset_bytes = 0,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspPhaseEnqueueRestore, handle_, queue, mem, offset_bytes);
@@ -654,10 +681,12 @@ class MaterialTable
 class Motion : public detail::Shared<Motion, ClspMotion, clspMotionRetain, clspMotionRelease> {
   public:
     Motion() noexcept = default;
+    /** clspMotionCreate(). */
     Motion(const Context &context, const ClspMotionDesc &desc) {
         clspeckle::check(clspMotionCreate(context, &desc, &handle_));
     }
 
+    /** clspMotionEnqueueCompute(). */
     void enqueue_compute(cl_command_queue queue, const ClspMotionInput &input, const ClspMotionOutput &output,
                          const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspMotionEnqueueCompute, handle_, queue, &input, &output);
@@ -670,10 +699,12 @@ class Motion : public detail::Shared<Motion, ClspMotion, clspMotionRetain, clspM
 class Aperture : public detail::Shared<Aperture, ClspAperture, clspApertureRetain, clspApertureRelease> {
   public:
     Aperture() noexcept = default;
+    /** clspApertureCreate(). */
     Aperture(const Context &context, const ClspApertureDesc &desc) {
         check(clspApertureCreate(context, &desc, &handle_));
     }
 
+    /** clspApertureGetInfo(). */
     ClspApertureInfo info() const {
         auto result = make<ClspApertureInfo>();
         check(clspApertureGetInfo(handle_, &result));
@@ -683,10 +714,12 @@ class Aperture : public detail::Shared<Aperture, ClspAperture, clspApertureRetai
     void set_workspace(cl_mem mem, std::uint64_t offset_bytes, std::uint64_t size_bytes) const {
         check(clspApertureSetWorkspace(handle_, mem, offset_bytes, size_bytes));
     }
+    /** clspApertureEnqueuePupil(). */
     void enqueue_pupil(cl_command_queue queue, const ClspImage &pupil, const std::vector<cl_event> &wait_list = {},
                        Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspApertureEnqueuePupil, handle_, queue, &pupil);
     }
+    /** clspApertureEnqueueIntensity(). */
     void enqueue_intensity(cl_command_queue queue, const Phase &phase, const ClspImage &irradiance,
                            const ClspImage &intensity, const std::vector<cl_event> &wait_list = {},
                            Event *event = nullptr) const {
@@ -698,8 +731,10 @@ class Aperture : public detail::Shared<Aperture, ClspAperture, clspApertureRetai
 class Lens : public detail::Shared<Lens, ClspLens, clspLensRetain, clspLensRelease> {
   public:
     Lens() noexcept = default;
+    /** clspLensCreate(). */
     Lens(const Context &context, const ClspLensDesc &desc) { check(clspLensCreate(context, &desc, &handle_)); }
 
+    /** clspLensConfigure(). */
     void configure(const ClspLensDesc &desc) const { check(clspLensConfigure(handle_, &desc)); }
     /** @param interpolation CLSP_INTERPOLATION_*. */
     void enqueue_distort(cl_command_queue queue, std::uint32_t interpolation, const ClspImage &ideal,
@@ -707,6 +742,7 @@ class Lens : public detail::Shared<Lens, ClspLens, clspLensRetain, clspLensRelea
                          Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspLensEnqueueDistort, handle_, queue, interpolation, &ideal, &distorted);
     }
+    /** clspLensEnqueueFinish(). */
     void enqueue_finish(cl_command_queue queue, const ClspImage &light, bool is_dark, const ClspImage &output,
                         const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspLensEnqueueFinish, handle_, queue, &light, is_dark ? 1u : 0u, &output);
@@ -729,6 +765,7 @@ class Lens : public detail::Shared<Lens, ClspLens, clspLensRetain, clspLensRelea
 class Sensor : public detail::Shared<Sensor, ClspSensor, clspSensorRetain, clspSensorRelease> {
   public:
     Sensor() noexcept = default;
+    /** clspSensorCreate(). */
     Sensor(const Context &context, const ClspSensorDesc &desc) { check(clspSensorCreate(context, &desc, &handle_)); }
 
     /** The settings of a known camera. */
@@ -763,17 +800,21 @@ class Sensor : public detail::Shared<Sensor, ClspSensor, clspSensorRetain, clspS
         return result;
     }
 
+    /** clspSensorSetExposureGain(). */
     void set_exposure_gain(double exposure_gain_dn) const {
         check(clspSensorSetExposureGain(handle_, exposure_gain_dn));
     }
     /** Replaces all settings by those of another description of the same size. */
     void configure(const ClspSensorDesc &desc) const { check(clspSensorConfigure(handle_, &desc)); }
+    /** clspSensorResetLag(). */
     void reset_lag() const { check(clspSensorResetLag(handle_)); }
+    /** clspSensorEnqueueExpose(). */
     void enqueue_expose(cl_command_queue queue, const ClspImage &intensity, std::uint64_t frame_index,
                         const ClspImage &output, const std::vector<cl_event> &wait_list = {},
                         Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspSensorEnqueueExpose, handle_, queue, &intensity, frame_index, &output);
     }
+    /** clspSensorEnqueueDemosaic(). */
     void enqueue_demosaic(cl_command_queue queue, const ClspImage &raw, std::uint32_t bayer, const ClspImage &rgb,
                           const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspSensorEnqueueDemosaic, handle_, queue, &raw, bayer, &rgb);
@@ -817,6 +858,7 @@ class Profile : public detail::Shared<Profile, ClspProfile, clspProfileRetain, c
         return adopt(handle);
     }
 
+    /** clspProfileGetInfo(). */
     ClspProfileInfo info() const {
         auto result = make<ClspProfileInfo>();
         check(clspProfileGetInfo(handle_, &result));
@@ -830,6 +872,7 @@ class Profile : public detail::Shared<Profile, ClspProfile, clspProfileRetain, c
     std::vector<ClspProfileSequence> sequences() const {
         return detail::list_of(clspProfileGetSequence, handle_, info().sequence_count);
     }
+    /** clspProfileGetJson(). */
     std::string json() const { return detail::text_of(clspProfileGetJson, handle_); }
     /** The profile, and its maps beside it. */
     void write(const std::string &path) const { check(clspProfileWrite(handle_, path.c_str())); }
@@ -859,6 +902,7 @@ class Profile : public detail::Shared<Profile, ClspProfile, clspProfileRetain, c
 class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetain, clspPipelineRelease> {
   public:
     Pipeline() noexcept = default;
+    /** clspPipelineCreate(). */
     Pipeline(const Context &context, const ClspPipelineDesc &desc) {
         clspeckle::check(clspPipelineCreate(context, &desc, &handle_));
     }
@@ -876,6 +920,7 @@ class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetai
         clspeckle::check(clspPipelineCreate(context, &desc, &handle_));
     }
 
+    /** clspPipelineEnqueueFrame(). */
     void enqueue_frame(cl_command_queue queue, const ClspFrame &frame, const std::vector<cl_event> &wait_list = {},
                        Event *event = nullptr) const {
         detail::enqueue(wait_list, event, clspPipelineEnqueueFrame, handle_, queue, &frame);
@@ -941,6 +986,7 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
         return capture;
     }
 
+    /** clspCaptureAddSequence(). */
     void add_sequence(const ClspCaptureSequence &sequence) const { check(clspCaptureAddSequence(handle_, &sequence)); }
     /** @param scene CLSP_SCENE_*. @param codes whole frames of height x width. */
     void add_sequence(const std::string &name, std::uint32_t scene, bool moving,
@@ -964,10 +1010,13 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
         check(clspCaptureSetDots(handle_, sigma_px, positions_px.size() / 2,
                                  positions_px.empty() ? nullptr : positions_px.data()));
     }
+    /** clspCaptureValidate(). */
     void validate() const { check(clspCaptureValidate(handle_)); }
+    /** clspCaptureWrite(). */
     void write(const std::string &path, bool overwrite = false) const {
         check(clspCaptureWrite(handle_, path.c_str(), overwrite ? 1u : 0u));
     }
+    /** clspCaptureGetDesc(). */
     ClspCaptureDesc desc() const {
         auto result = make<ClspCaptureDesc>();
         check(clspCaptureGetDesc(handle_, &result));
@@ -981,11 +1030,13 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
         check(clspCaptureGetDots(handle_, nullptr, count, result.empty() ? nullptr : result.data(), nullptr));
         return result;
     }
+    /** clspCaptureGetSequenceCount(). */
     std::uint32_t sequence_count() const {
         std::uint32_t count = 0;
         check(clspCaptureGetSequenceCount(handle_, &count));
         return count;
     }
+    /** clspCaptureGetSequence(). */
     ClspCaptureSequenceInfo sequence(std::uint32_t index) const {
         auto result = make<ClspCaptureSequenceInfo>();
         check(clspCaptureGetSequence(handle_, index, &result));
@@ -1009,6 +1060,7 @@ class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, c
     std::string summary_json() const { return detail::text_of(clspCaptureGetSummaryJson, handle_); }
     /** EMVA 1288's numbers as JSON, and as XML with the element names of the Python package emva1288. */
     std::string emva1288_json() const { return detail::text_of(clspCaptureGetEmva1288Json, handle_); }
+    /** clspCaptureGetEmva1288Xml(). */
     std::string emva1288_xml() const { return detail::text_of(clspCaptureGetEmva1288Xml, handle_); }
 };
 
@@ -1017,6 +1069,7 @@ class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisR
   public:
     Diagnosis() noexcept = default;
 
+    /** clspDiagnosisGetSummary(). */
     ClspDiagnosisSummary summary() const {
         auto result = make<ClspDiagnosisSummary>();
         check(clspDiagnosisGetSummary(handle_, &result));
@@ -1046,6 +1099,7 @@ class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisR
     std::vector<ClspDiagnosisStep> steps() const {
         return detail::list_of(clspDiagnosisGetStep, handle_, summary().step_count);
     }
+    /** clspDiagnosisGetReportJson(). */
     std::string report_json() const { return detail::text_of(clspDiagnosisGetReportJson, handle_); }
     /** Writes the JSON report. */
     void write_report(const std::string &path) const { check(clspDiagnosisWriteReport(handle_, path.c_str())); }
@@ -1070,14 +1124,21 @@ class Diagnosis : public detail::Shared<Diagnosis, ClspDiagnosis, clspDiagnosisR
 
 /** A parameter of a hypothesis, from weak to strong within minimum and maximum. */
 struct HypothesisParameter {
-    std::string name, unit = "1"; /**< At most 31 and 15 bytes. */
-    double minimum = 0.0, maximum = 1.0, weak = 0.0, strong = 1.0;
+    std::string name;       /**< At most 31 bytes. */
+    std::string unit = "1"; /**< At most 15 bytes. */
+    double minimum = 0.0; /**< The least that is accepted. */
+    double maximum = 1.0; /**< The greatest that is accepted. */
+    double weak = 0.0;    /**< As cameras barely show it. */
+    double strong = 1.0;  /**< As cameras show it strongly. */
 };
 
 /** An effect of the caller's own, see ClspHypothesis. */
 struct Hypothesis {
-    std::string id, stage, summary;
+    std::string id;      /**< See ClspHypothesis. */
+    std::string stage;   /**< See ClspHypothesis. */
+    std::string summary; /**< See ClspHypothesis. */
     std::uint32_t point = CLSP_HYPOTHESIS_INTENSITY; /**< CLSP_HYPOTHESIS_*. */
+    /** At least one. */
     std::vector<HypothesisParameter> parameters;
     /** Changes frame.pixels in place, on the thread of diagnose(). What it throws leaves diagnose(). */
     std::function<void(const ClspHypothesisFrame &frame)> apply;
@@ -1087,10 +1148,15 @@ struct Hypothesis {
 
 /** What diagnose() is asked for; see ClspDiagnoseDesc for ranges. */
 struct DiagnoseOptions {
+    /** See ClspDiagnoseDesc, as for all members. */
     std::uint64_t seed = 0;
+    /** Simulated captures without effects. */
     std::uint32_t null_replicates = make<ClspDiagnoseDesc>().null_replicates;
+    /** In one explanation at most. */
     std::uint32_t max_effects = make<ClspDiagnoseDesc>().max_effects;
+    /** Of the host; 0: as many as the machine has. */
     std::uint32_t threads = 0;
+    /** Probability of seeing a gap where there is none. */
     double level = make<ClspDiagnoseDesc>().level;
     bool evidence = true;     /**< Pictures and curves for Diagnosis::write_html() are collected. */
     bool whole_image = false; /**< The whole image is judged, however large. */
@@ -1098,9 +1164,12 @@ struct DiagnoseOptions {
     std::optional<std::array<std::uint32_t, 4>> window;
     std::optional<std::uint32_t> frames; /**< Of each sequence at most; 0: all. */
     std::string tolerance_file; /**< What is accepted of the simulator's error, as JSON; empty: none. */
+    /** Ids of effects that are no candidates. */
     std::vector<std::string> without;
+    /** Effects of the caller's own. */
     std::vector<Hypothesis> hypotheses;
     Profile profile; /**< Of compare(): the camera that both sets are of; none: one without effects. */
+    /** May be empty. */
     Progress progress;
 };
 
@@ -1233,6 +1302,7 @@ class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignR
         return adopt(handle);
     }
 
+    /** clspDoeDesignGetReport(). */
     ClspDoeDesignReport report() const {
         auto result = make<ClspDoeDesignReport>();
         check(clspDoeDesignGetReport(handle_, &result));
@@ -1244,6 +1314,7 @@ class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignR
         check(clspDoeDesignGetPhase(handle_, result.size(), result.data()));
         return result;
     }
+    /** clspDoeDesignGetOrders(). */
     std::vector<ClspDoeDesignOrder> orders() const {
         std::vector<ClspDoeDesignOrder> result(static_cast<std::size_t>(report().order_count));
         check(clspDoeDesignGetOrders(handle_, result.size(), result.data(), nullptr));
@@ -1255,8 +1326,10 @@ class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignR
         check(clspDoeDesignGetOrders(handle_, result.size(), nullptr, result.data()));
         return result;
     }
+    /** One value an iteration. */
     struct History {
-        std::vector<double> efficiency, uniformity_rms;
+        std::vector<double> efficiency;     /**< See clspDoeDesignGetHistory(). */
+        std::vector<double> uniformity_rms; /**< See clspDoeDesignGetHistory(). */
     };
     /** After each iteration; the last step is the finished design. */
     History history() const {
@@ -1267,7 +1340,9 @@ class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignR
                                       result.uniformity_rms.data()));
         return result;
     }
+    /** Orders nearest to directions. */
     struct Snapped {
+        /** One for each direction. */
         std::vector<ClspDoeDesignOrder> orders;
         std::vector<double> errors; /**< In direction cosines. */
     };
@@ -1287,6 +1362,7 @@ class DoeDesign : public detail::Shared<DoeDesign, ClspDoeDesign, clspDoeDesignR
 struct DotLayout {
     std::vector<double> directions;   /**< u0, v0, u1, v1 ... */
     std::vector<std::int32_t> orders; /**< m0, n0, m1, n1 ...; empty without a lattice. */
+    /** How far apart and how distinct its dots are. */
     ClspDotLayoutInfo info;
 };
 

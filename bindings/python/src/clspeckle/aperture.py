@@ -44,7 +44,7 @@ class ApertureInfo:
     relative_diameter: float
     """D in cycles per pixel."""
     mean_transmission: float
-    """Mean of |P|^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image."""
+    """Mean of abs(P)^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image."""
     workspace_bytes: int
     """Work memory that a frame needs."""
     fft_backend: str

@@ -1,0 +1,85 @@
+"""The site of all pages is built by one command without a warning; what is broken fails it."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PICTURES = sorted(path for folder in (ROOT / "docs").rglob("images") for path in folder.rglob("*.png"))
+SCRIPTS = ("docs/figures/*.py", "bench/*.py", "validation/**/*.py", "examples/office/*.py", "scripts/demo.sh")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    environment = {**os.environ, "CLSP_PYTHON": sys.executable}
+    done = subprocess.run(
+        ["bash", ROOT / "scripts" / "docs.sh", folder], capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_it_has_all_pages_and_a_search(site: Path) -> None:
+    pages = [p.relative_to(ROOT / "docs").with_suffix(".html") for p in (ROOT / "docs").rglob("*.md")]
+    assert len(pages) > 30
+    assert [page for page in pages if not (site / page).is_file()] == []
+    assert (site / "searchindex.js").stat().st_size > 100_000
+
+
+def test_the_reference_is_whole(site: Path) -> None:
+    c = (site / "reference" / "c.html").read_text()
+    headers = "".join(header.read_text() for header in (ROOT / "capi/include/clspeckle").glob("*.h"))
+    functions = set(re.findall(r"CLSP_API \w+ (clsp\w+)\(", headers))
+    assert len(functions) > 100
+    assert [name for name in sorted(functions) if f'id="c.{name}"' not in c] == []
+    commands = (site / "reference" / "command-line.html").read_text()
+    assert all(f'id="clspeckle-{name}"' in commands for name in ("render", "diagnose", "capture-make", "doe-design"))
+    assert "The C and C++ interface of clSpeckle" in (site / "doxygen" / "index.html").read_text()
+
+
+def test_every_python_name_has_words(site: Path) -> None:
+    import clspeckle
+
+    page = (site / "reference" / "python.html").read_text()
+    names = [name for name in clspeckle.__all__ if not isinstance(getattr(clspeckle, name), type(re))]
+    assert len(names) > 60
+    assert [name for name in names if not getattr(clspeckle, name).__doc__] == []
+    assert [name for name in names if f'id="clspeckle.{name}"' not in page] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[there](no-such-page.md)", "no-such-page"),
+        ("[there](#no-such-part)", "no-such-part"),
+        ("![it](none.png)", "none"),
+    ],
+)
+def test_a_broken_link_fails(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "conf.py").write_text('extensions = ["myst_parser"]\nmyst_heading_anchors = 4\n')
+    (tmp_path / "index.md").write_text(f"# Title\n\n{text}\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "-b", "html", tmp_path, tmp_path / "out"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0
+    assert words in done.stderr
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda path: path.name)
+def test_every_figure_is_made_by_a_command_and_shown(picture: Path) -> None:
+    scripts = "".join(path.read_text() for pattern in SCRIPTS for path in ROOT.glob(pattern))
+    folder = picture.parent.name
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")]
+    texts = [page.read_text() for page in pages]
+    command = re.compile(rf"^    .*\.py .*{re.escape(picture.name)}", re.MULTILINE)
+    made = picture.stem in scripts or folder == "tutorials" or any(command.search(text) for text in texts)
+    assert made, f"no command makes {picture.name}"
+    assert any(f"{picture.name})" in text for text in texts), f"no page shows {picture.name}"
