@@ -25,13 +25,5 @@ echo
 echo "== its first frame without noise or sensor"
 "$program" render "$office/sequence.json" -o "$output/intensity" --degree-of-polarization 0 --frames 1 --no-sensor --format float-npy --no-preview --quiet
 
-# Another pattern, if the image is at hand: a photographed projector pattern (structured light of a Kinect).
-pattern=../shared/data/ctd_pattern/kinect_pattern.png
-if [ -e "$pattern" ]; then
-    echo
-    echo "== the same scene under $pattern"
-    "$program" render "$office/sequence.json" -o "$output/kinect" --degree-of-polarization 0 --frames 1 --exposure-gain auto --pattern "$pattern"
-fi
-
 echo
 .venv/bin/python examples/office/figure.py "$output" --figure "$output/office.png"

@@ -1,7 +1,7 @@
 """The figure of docs/method/motion.md: autocorrelation of speckle along the three motions of the thesis (its Fig. 22 to 24), and the
 correlation of real speckle behind a moving pinhole beside simulations of the same series.
 
-usage: motion.py FILE.png [--spark FOLDER]      (FOLDER: shared/data/spark_memory_effect beside the checkout; left out, three panels are drawn)
+usage: motion.py FILE.png [--spark FOLDER]      (FOLDER: images -20.bmp to 20.bmp of CONTRIBUTING.md; left out, three panels are drawn)
 """
 
 from __future__ import annotations

@@ -14,11 +14,10 @@ import png
 import pytest
 import tifffile
 from cli_images import pgm
-from cli_support import ROOT
 from PIL import Image
 
 LENS = ("--pixel-pitch-um", 2.9, "--f-number", 5.6, "--wavelength-nm", 940)
-EMVA_CCD = ROOT.parent / "shared" / "data" / "emva_ccd"
+EMVA_CCD = Path(os.environ.get("CLSPECKLE_TEST_DATA", "none")) / "emva_ccd"
 
 
 def described(folder: Path) -> dict[str, Any]:
@@ -271,7 +270,7 @@ def test_bad_input(refused, ok, tmp_path: Path) -> None:
     (folder / "dark").mkdir()
     assert "dark: holds no PNG, TIFF, PNM, BMP, TGA or raw frames" in refused("capture", "init", "set")
     shutil.copy(folder / "dark.npy", folder / "dark" / "x.npy")
-    assert "would both be the sequence \"dark\"; rename or move one" in refused("capture", "init", "set")
+    assert 'would both be the sequence "dark"; rename or move one' in refused("capture", "init", "set")
     pgm(folder / "dark" / "1.pgm", dark(1)[0], 1023)
     assert "files of several kinds (.npy, .pgm)" in refused("capture", "init", "set")
     shutil.rmtree(folder / "dark")
@@ -347,7 +346,9 @@ def test_white_that_is_zero_is_told_as_the_check_tells_it(ok, refused, tmp_path:
     ],
 )
 @pytest.mark.parametrize("place", ["beside", "alone", "folder"])
-def test_files_that_are_no_frames_say_why(ok, refused, tmp_path: Path, name: str, cause: str, way_out: str, place: str) -> None:
+def test_files_that_are_no_frames_say_why(
+    ok, refused, tmp_path: Path, name: str, cause: str, way_out: str, place: str
+) -> None:
     folder = tmp_path / "set"
     inner = folder / "flat" if place == "folder" else folder
     inner.mkdir(parents=True)
@@ -361,13 +362,25 @@ def test_files_that_are_no_frames_say_why(ok, refused, tmp_path: Path, name: str
     if place != "alone":
         np.save(folder / "dark.npy", dark(1))
     told = ok("capture", "init", "set").err if place == "beside" else refused("capture", "init", "set")
-    assert cause in told and way_out.replace("set/", f"{inner.relative_to(tmp_path)}/") in told and f"{inner.name}/{name}" in told
+    assert (
+        cause in told
+        and way_out.replace("set/", f"{inner.relative_to(tmp_path)}/") in told
+        and f"{inner.name}/{name}" in told
+    )
     assert not re.search(r"notes\.(txt|csv|html)(: | is )", told)
     if place == "folder":
         (folder / "dark.npy").rename(folder / "dark_other.npy")
         Image.fromarray((dark(1)[0]).astype(np.uint8)).save(folder / "dark.png")
         capture = {"format": "clspeckle-capture", "version": 1, "laser": {"wavelength_nm": 940}}
-        capture["camera"] = {"width": 48, "height": 40, "bits": 8, "pixel_pitch_um": 3, "f_number": 4, "black_level_dn": 9, "read_noise_dn": 1}
+        capture["camera"] = {
+            "width": 48,
+            "height": 40,
+            "bits": 8,
+            "pixel_pitch_um": 3,
+            "f_number": 4,
+            "black_level_dn": 9,
+            "read_noise_dn": 1,
+        }
         capture["sequences"] = [{"name": "flat", "scene": "flat", "file": "flat"}]
         (folder / "capture.json").write_text(json.dumps(capture))
         assert cause in refused("capture", "check", "set"), "the check says the same"
