@@ -34,7 +34,7 @@ prints how often it was right.
 
 Examples (with the folder `validation` on PYTHONPATH):
   python -m gap_check all --plan small --out check --command "build/bin/clspeckle diagnose"
-  python -m gap_check score --out ../shared/gap/practice --reports reports   # sets that hold key.json themselves
+  python -m gap_check score --out practice --reports reports   # sets that hold key.json themselves
   python -m gap_check one --out set --effect defocus=0.5 --effect shot_noise=1
 """
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from reference import gap_statistics as reference
 
 DUMP = Path(os.environ["CLSPECKLE_BIN"]) / "gap_statistics_dump"
-PRACTICE = Path(__file__).parents[4] / "shared" / "gap" / "practice"
+PRACTICE = Path(os.environ.get("CLSPECKLE_TEST_DATA", "none")) / "practice"
 HEIGHT, WIDTH, FRAMES, BITS = 66, 92, 9, 10
 BLACK, READ = 64.3, 4.0
 F_NUMBER, PITCH_UM, WAVELENGTH_NM = 6.3, 2.9, 940.0
@@ -185,11 +185,11 @@ def test_the_light_level_is_no_gap(codes, tmp_path):
 
 
 def test_practice_sets_agree_with_the_reference(measured):
-    """On frames of another generator, where they lie beside the checkout."""
+    """On frames of another generator."""
+    if not PRACTICE.is_dir():
+        pytest.skip("CLSPECKLE_TEST_DATA names no folder with practice sets")
     for name in ("p01", "p06", "p10"):
         folder = PRACTICE / name
-        if not folder.exists():
-            return
         description = json.loads((folder / "capture.json").read_text())
         camera, laser = description["camera"], description["laser"]
         own_cutoff = camera["pixel_pitch_um"] * 1e3 / (laser["wavelength_nm"] * camera["f_number"])
