@@ -18,7 +18,7 @@ struct Thresholds {
         // tests/diagnosis/inference/test_attribution.cpp StrengthsEndWhereValuesDo
         double weakest = -0.8;
         // strength | a second search stays below, once one went beyond: far out an effect imitates others |
-        // docs/results/gap-check.md Out of focus
+        // docs/results/archive.md Out of focus
         double common = 1.3;
         // strength | standard deviation of what lies beyond that, or off the only value that the catalogue has |
         // tests/diagnosis/inference/test_swap.cpp WhatTheCatalogueHasIsLikelier

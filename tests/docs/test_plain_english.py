@@ -19,8 +19,6 @@ PENDING = {
     "docs/guide/gap-compare.md": (23.1, 58),
     "docs/guide/runtime.md": (22.6, 60),
     "docs/reference/effects.md": (26.5, 61),
-    "docs/results/gap-check.md": (22.5, 79),
-    "docs/results/performance.md": (29.5, 214),
 }
 PAGES = [page for page in plain_english.pages() if page.parent.name != "method" and page.stem != "archive"]
 
