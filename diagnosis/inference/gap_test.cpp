@@ -89,6 +89,22 @@ Eigen::VectorXd GapModel::least_of_part(const Eigen::VectorXd &least) const {
     return least.cwiseMax(kModelError.rare * spread);
 }
 
+Covariance common_covariance(const ReplicateRunner &runner, const GapModel &first, const GapModel &second) {
+    std::vector<FoldStatistics> draws;
+    std::vector<Eigen::VectorXd> centered;
+    for (const GapModel *const model : {&first, &second})
+        for (const FoldStatistics &draw : model->replicates().draws) {
+            draws.push_back(draw);
+            centered.push_back(draw.mean() - model->full().mean());
+        }
+    Eigen::MatrixXd rows(static_cast<Eigen::Index>(centered.size()), static_cast<Eigen::Index>(runner.count()));
+    for (std::size_t r = 0; r < centered.size(); ++r)
+        rows.row(static_cast<Eigen::Index>(r)) = centered[r];
+    const Eigen::VectorXd tolerance =
+        ((first.full().tolerance().cwiseAbs2() + second.full().tolerance().cwiseAbs2()) / 2.0).cwiseSqrt();
+    return {rows, blocks_of(runner), least_deviations(runner.list(), draws), tolerance};
+}
+
 Eigen::VectorXd GapModel::coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const {
     return solve_least_squares(whiten_columns(covariance, directions_), covariance.whiten(difference));
 }

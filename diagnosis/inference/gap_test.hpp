@@ -74,6 +74,10 @@ class GapModel {
     Eigen::VectorXd first_mean_, second_mean_;
 };
 
+// Of the whole capture, by the replicates of two models that differ little but in their means: of many statistics and few
+// replicates, what two covariances differ by is chance.
+Covariance common_covariance(const ReplicateRunner &runner, const GapModel &first, const GapModel &second);
+
 // Standard deviations below which no statistic is trusted.
 Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws);
 

@@ -45,6 +45,32 @@ Eigen::VectorXd change_without(const ModelFit &fits, ReplicateRunner &runner, co
     return result;
 }
 
+// Where an effect begins in another one's place: where the catalogue has it, if that is one value, else half way.
+double begin_of(const Candidate &candidate, double sign) {
+    const HypothesisParameter &first = candidate.parameters.front();
+    return first.weak == first.strong ? candidate.strength(0, candidate.usual(0, sign), sign) : 0.5;
+}
+
+// How the statistics change where an effect stands in the place of another, beside what `loss` changes without it;
+// nothing if the simulator refuses.
+Eigen::VectorXd change_in_place(const ModelFit &fits, ReplicateRunner &runner, const SearchState &state,
+                                const Move &move, const Eigen::VectorXd &loss) {
+    EffectModel model = state.model.without(move.place);
+    model.add(*move.candidate, move.sign, begin_of(*move.candidate, move.sign));
+    std::vector<bool> concerned = fits.concerned(move.candidate->id);
+    const std::vector<bool> besides = fits.concerned(state.model.effects[move.place].candidate->id);
+    for (std::size_t i = 0; i < concerned.size(); ++i)
+        concerned[i] = concerned[i] || besides[i];
+    Eigen::VectorXd result;
+    possible([&] {
+        result = simulate_change(runner, state.pool, model.settings(), concerned, fits.options().seed,
+                                 kFit.search_seeds)
+                     .mean -
+                 loss;
+    });
+    return result;
+}
+
 // The screened effects that promise most in the place of each effect that the search has added, and beside all of them.
 std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool adds) {
     const FittedModel &whole = state.models.back();
@@ -57,8 +83,9 @@ std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool 
         const std::size_t place = state.given + i;
         Eigen::VectorXd target = fits.differences(whole).mean();
         Eigen::MatrixXd others = whole.jacobian;
+        Eigen::VectorXd loss;
         if (place < effects) {
-            const Eigen::VectorXd loss = change_without(fits, runner, state, place);
+            loss = change_without(fits, runner, state, place);
             if (loss.size() == 0)
                 return;
             target -= loss;
@@ -76,13 +103,27 @@ std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool 
             if (sign > 0.0 || candidate->has_direction())
                 moves.push_back({place, candidate, sign, promise.gain, promise.gain / lost});
         }
-        std::sort(moves.begin(), moves.end(), [](const Move &a, const Move &b) {
-            return a.gain != b.gain ? a.gain > b.gain : before(*a.candidate, *b.candidate);
-        });
-        keep_one_of_each(moves, [](const Move &move) { return move.candidate->id; });
-        const std::size_t most = place < effects ? kSwap.most_in_place : kSwap.most_added;
-        if (moves.size() > most)
-            moves.erase(moves.begin() + static_cast<std::ptrdiff_t>(most), moves.end());
+        const auto keep = [&moves](std::size_t most) {
+            std::sort(moves.begin(), moves.end(), [](const Move &a, const Move &b) {
+                return a.gain != b.gain ? a.gain > b.gain : before(*a.candidate, *b.candidate);
+            });
+            keep_one_of_each(moves, [](const Move &move) { return move.candidate->id; });
+            if (moves.size() > most)
+                moves.erase(moves.begin() + static_cast<std::ptrdiff_t>(most), moves.end());
+        };
+        if (place == effects) {
+            keep(kSwap.most_added);
+            return;
+        }
+        // They were screened beside the effect that goes: what each changes without it is simulated.
+        keep(kSwap.most_simulated);
+        for (Move &move : moves) {
+            const Eigen::VectorXd change = change_in_place(fits, runner, state, move, loss);
+            const Promise promise = change.size() ? promise_of(covariance.whiten(change), others, target) : Promise{};
+            move.gain = promise.coefficient > 0.0 ? promise.gain : 0.0;
+            move.made_up = move.gain / lost;
+        }
+        keep(kSwap.most_in_place);
     });
     std::vector<Move> result;
     for (const std::vector<Move> &moves : of_place)
@@ -120,12 +161,6 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
     options.give_up_square = kSwap.give_up * now;
     options.least_gain = kSwap.least_round_gain;
     return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
-}
-
-// Where an effect begins in another one's place: where the catalogue has it, if that is one value, else half way.
-double begin_of(const Candidate &candidate, double sign) {
-    const HypothesisParameter &first = candidate.parameters.front();
-    return first.weak == first.strong ? candidate.strength(0, candidate.usual(0, sign), sign) : 0.5;
 }
 
 // A move, the model with it, and the squared distance that a quick fit leaves.
@@ -217,6 +252,8 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     SearchState other;
     other.given = state.given;
     other.screened = state.screened;
+    if (move.place < state.model.effects.size()) // of two that do as well, a fit's rest would swap again and again
+        other.screened.erase(state.model.effects[move.place].candidate);
     other.other_forms = state.other_forms;
     other.progress = state.progress;
     other.progress_end = state.progress_end;
@@ -234,19 +271,16 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     if (fitted.score < whole.score + kSwap.give_up_form)
         fits.polish(other.model, other.pool, fitted, at);
     // A score depends on how many replicates there are.
-    const auto gain_by = [&](std::uint32_t count) {
-        for (FittedModel *one : {&whole, &fitted})
-            fits.judge(*one, one->model.replicates(), count, at, at);
-        return whole.score - fitted.score;
-    };
     const auto count = static_cast<std::uint32_t>(whole.model.replicates().draws.size());
-    double gain = gain_by(std::max(count, fits.options().model_replicates));
+    const std::uint32_t least = (explained ? kFit.confirming : 1) * fits.options().model_replicates;
+    for (FittedModel *one : {&whole, &fitted})
+        fits.judge(*one, one->model.replicates(), std::max(count, least), at, at);
+    double gain = whole.score - fitted.score;
     if (explained) {
-        const double likelier =
-            state.model.unlikelihood(move.place) - other.model.unlikelihood(other.model.effects.size() - 1);
-        gain += likelier;
-        if (std::abs(gain) < kGrowth.least_gain) // few do not tell
-            gain = gain_by(std::max(count, kFit.confirming * fits.options().model_replicates)) + likelier;
+        // Both have the capture's noise, so what their covariances differ by is chance.
+        const Covariance common = common_covariance(fits.runner(), whole.model, fitted.model);
+        gain = fits.square_by(common, whole) - fits.square_by(common, fitted) +
+               state.model.unlikelihood(move.place) - other.model.unlikelihood(other.model.effects.size() - 1);
     }
     if (gain < (explained ? 0.0 : kGrowth.least_gain)) {
         if (move.place < state.steps.size())

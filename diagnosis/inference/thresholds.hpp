@@ -207,6 +207,9 @@ struct Thresholds {
 
     // Whether an effect takes another one's place.
     struct Swap {
+        // effects | simulated in the place of each one: those that promise most beside it |
+        // tests/diagnosis/inference/test_swap.cpp AnEffectThatResemblesTheTrueOne
+        std::size_t most_simulated = 6;
         // effects | tried in the place of each one: those that promise most there |
         // tests/diagnosis/inference/test_swap.cpp AnEffectThatResemblesTheTrueOne
         std::size_t most_in_place = 2;
