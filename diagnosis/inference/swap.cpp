@@ -63,10 +63,10 @@ Eigen::VectorXd change_in_place(const ModelFit &fits, ReplicateRunner &runner, c
         concerned[i] = concerned[i] || besides[i];
     Eigen::VectorXd result;
     possible([&] {
-        result = simulate_change(runner, state.pool, model.settings(), concerned, fits.options().seed,
-                                 kFit.search_seeds)
-                     .mean -
-                 loss;
+        result =
+            simulate_change(runner, state.pool, model.settings(), concerned, fits.options().seed, kFit.search_seeds)
+                .mean -
+            loss;
     });
     return result;
 }
@@ -244,8 +244,8 @@ struct Better {
 };
 
 // The state after a move, if it is better; else the move's effect may be noted as a rival. explained: nothing is left
-// to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what is as the
-// catalogue has it.
+// to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what is as
+// the catalogue has it.
 std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
                             double at) {
     FittedModel &whole = state.models.back();
@@ -279,8 +279,8 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     if (explained) {
         // Both have the capture's noise, so what their covariances differ by is chance.
         const Covariance common = common_covariance(fits.runner(), whole.model, fitted.model);
-        gain = fits.square_by(common, whole) - fits.square_by(common, fitted) +
-               state.model.unlikelihood(move.place) - other.model.unlikelihood(other.model.effects.size() - 1);
+        gain = fits.square_by(common, whole) - fits.square_by(common, fitted) + state.model.unlikelihood(move.place) -
+               other.model.unlikelihood(other.model.effects.size() - 1);
     }
     if (gain < (explained ? 0.0 : kGrowth.least_gain)) {
         if (move.place < state.steps.size())

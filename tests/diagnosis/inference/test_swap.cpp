@@ -301,7 +301,8 @@ TEST_F(Swap, WholeNumbersGoOneFurther) {
 }
 
 TEST_F(Swap, ASearchEndsAtItsMostWork) {
-    const Capture capture = simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
+    const Capture capture =
+        simulated({{"vignetting", {0.3}}, {"crosstalk", {0.2}}, {"row_noise", {2.0}}}, kCaptureSeed + 13);
     const auto found = [&](double most_work, std::uint32_t null_replicates) {
         ReplicateRunner runner(context(), capture, {}, 2);
         SearchOptions limited = options();
@@ -359,7 +360,8 @@ TEST_F(Swap, NeedlessEffectsArePruned) {
     expect_consistent(fits, state, baseline);
 }
 
-// Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and may land beside it (here at 389).
+// Where light is cut, the shares of bright pixels bend within some DN: the usual differences, 40 DN, look past that and
+// may land beside it (here at 389).
 TEST_F(Swap, AFitIsPolishedWhereStatisticsBend) {
     ReplicateRunner runner(context(), simulated({{"full_well", {380.0}}}, kCaptureSeed + 8), {}, 2);
     ModelFit fits(runner, options(), {});
