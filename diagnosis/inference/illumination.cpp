@@ -315,6 +315,7 @@ LabLights measure_lab_lights(const Capture &capture) {
     const Shared shared{shared_slope(slopes), shared_loss(losses)};
     result.shared_corner_loss = shared.loss;
     result.shared_slope = {shared.slope[0], shared.slope[1]};
+    double least_uneven = std::numeric_limits<double>::infinity();
     for (const Kind &kind : measured) {
         const Blocks light = without_shared(grid, kind.light, shared);
         const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kIllumination.degree),
@@ -340,8 +341,11 @@ LabLights measure_lab_lights(const Capture &capture) {
             for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)
                 found.light.coefficients.push_back(best.coefficients[k] / best.coefficients[0]);
         }
+        const double uneven = std::max(std::hypot(found.slope[0], found.slope[1]), std::abs(found.corner_loss));
+        least_uneven = std::min(least_uneven, uneven);
         result.lights.push_back(std::move(found));
     }
+    result.shared_corner_loss_error = least_uneven / std::sqrt(3.0); // of anything up to it, either way
     return result;
 }
 

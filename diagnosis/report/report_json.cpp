@@ -53,6 +53,7 @@ JsonText illumination_json(const LabLights &found) {
     return {{"lights", lights},
             {"lamp_drifts", drifts},
             {"shared_corner_loss", number(found.shared_corner_loss)},
+            {"shared_corner_loss_error", number(found.shared_corner_loss_error)},
             {"shared_slope", {number(found.shared_slope[0]), number(found.shared_slope[1])}},
             {"lens_or_light", found.lens_or_light}};
 }

@@ -12,6 +12,7 @@
 #include "measure/gap_stages.hpp"
 #include "measure/verdict.hpp"
 #include "runtime/error.hpp"
+#include "statistics/distributions.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -41,6 +42,16 @@ std::string alike_stage(const DiagnosisResult &result) {
         before = std::max(before, step.fraction);
     }
     return stage;
+}
+
+// What lamp and laser share of their fall-off, no statistic tells from the lens's.
+void widen_fall_off(std::vector<FittedParameter> &parameters, double deviation, double degrees_of_freedom) {
+    const double of_lights = student_two_sided_quantile(0.05, degrees_of_freedom) * deviation;
+    for (FittedParameter &one : parameters)
+        if (one.effect == kLens) {
+            one.low = std::max(0.0, one.value - std::hypot(one.value - one.low, of_lights));
+            one.high = std::min(1.0, one.value + std::hypot(one.high - one.value, of_lights));
+        }
 }
 
 // By an effect, in standard deviations.
@@ -404,6 +415,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         if (!found.models.empty()) {
             result.ranking = found.steps.front().ranking;
             result.parameters = last.parameters;
+            widen_fall_off(result.parameters, result.illumination.shared_corner_loss_error,
+                           static_cast<double>(last.model.replicates().draws.size()) - 1.0);
             for (std::size_t i = 0; i < found.models.size(); ++i) {
                 const Shrinkage s = shrinkage(runner, found.baseline, found.models[i], last);
                 result.found.push_back(found.steps[i].ranking.front());

@@ -173,6 +173,22 @@ TEST(Illumination, WhatTheLensHasNotIsTheBeams) {
     EXPECT_NEAR(laser.light.at(127.0, 95.0), beam(0.8, 0.6) / beam(0.0, 0.0), 0.04);
 }
 
+// A lamp and a beam that are both brightest near the axis look like a lens's fall-off; that they are uneven is seen.
+TEST(Illumination, WhatBothLightsLoseMayBeTheirs) {
+    const Field lamp = [](double x, double y) { return 1.0 - 0.06 * ((x - 0.4) * (x - 0.4) + y * y); };
+    const Field beam = [](double x, double y) { return std::exp(-0.3 * (x * x + (y - 0.1) * (y - 0.1))); };
+    const auto with_lens = [](const Field &light) {
+        return [light](double x, double y) { return light(x, y) * kVignetting(x, y); };
+    };
+    const LabLights uneven = measure_lab_lights(capture_of(kAll, with_lens(lamp), with_lens(beam), 8)),
+                    even = measure_lab_lights(capture_of(kAll, kVignetting, kVignetting, 8));
+    EXPECT_GT(uneven.shared_corner_loss, 0.23);
+    const LabLight &of_lamp = light_of(uneven, "lamp");
+    EXPECT_NEAR(uneven.shared_corner_loss_error, std::hypot(of_lamp.slope[0], of_lamp.slope[1]) / std::sqrt(3.0), 1e-12);
+    EXPECT_LT(uneven.shared_corner_loss - 0.2, 2.0 * uneven.shared_corner_loss_error);
+    EXPECT_LT(even.shared_corner_loss_error, 0.005);
+}
+
 TEST(Illumination, OneLightAloneTellsNoLensFromALamp) {
     const LabLights found = measure_lab_lights(
         capture_of({CaptureScene::kDark, CaptureScene::kFlat}, kVignetting, kEven, 4));
