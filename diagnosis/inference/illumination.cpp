@@ -345,7 +345,7 @@ LabLights measure_lab_lights(const Capture &capture) {
         least_uneven = std::min(least_uneven, uneven);
         result.lights.push_back(std::move(found));
     }
-    result.shared_corner_loss_error = least_uneven / std::sqrt(3.0); // of anything up to it, either way
+    result.shared_corner_loss_error = least_uneven;
     return result;
 }
 

@@ -32,8 +32,8 @@ struct LabLights {
     std::vector<LampDrift> drifts; // of flats where it is certain
     // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them.
     double shared_corner_loss = 0.0;
-    // How far the lens's own may be from that: lights that are brightest on the axis share a fall-off, too, and a light is
-    // taken to fall off by no more than it is seen to be uneven.
+    // Standard deviation of the lens's own about that: lights that are brightest on the axis share a fall-off, too. A
+    // light may have as much of it as is seen of its unevenness; no capture tells. The evener light counts.
     double shared_corner_loss_error = 0.0;
     // A slope that both have alike, the camera's, too; 0: they have not.
     std::array<double, 2> shared_slope{};
