@@ -74,7 +74,8 @@ def with_headers(app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = source[0].replace("```{c-headers}\n```", "\n".join(block.format(name) for name in names))
 
 
-# Files of the checkout, which pages link to, are no pages of the site: their links lead to a copy beside it.
+# Files of the checkout, which pages link to, are no pages of the site: their links lead to the repository. Where none is
+# told, their words stay, without a link.
 def leave_the_site(app: Sphinx, docname: str, source: list[str]) -> None:
     page = Path(app.env.doc2path(docname)).parent
 
@@ -83,12 +84,15 @@ def leave_the_site(app: Sphinx, docname: str, source: list[str]) -> None:
         path = (page / target).resolve()
         if path.is_relative_to(ROOT / "docs") or not path.exists():
             return match[0]
-        return f"{match[1]}{REPOSITORY}{path.relative_to(ROOT).as_posix()}{'#' + anchor if anchor else ''}"
+        words = match[1]
+        if not REPOSITORY:
+            return words
+        return f"[{words}]({REPOSITORY}/{path.relative_to(ROOT).as_posix()}{'#' + anchor if anchor else ''})"
 
-    source[0] = re.sub(r"(\]\()(?!https?:|#)([^)\s]+)", outside, source[0])
+    source[0] = re.sub(r"\[([^\]]*)\]\((?!https?:|#)([^)\s]+)\)", outside, source[0])
 
 
-REPOSITORY = os.environ.get("CLSPECKLE_REPOSITORY", f"file://{ROOT}/")
+REPOSITORY = os.environ.get("CLSPECKLE_REPOSITORY", "").rstrip("/")
 
 
 def is_told(record: logging.LogRecord) -> bool:

@@ -95,10 +95,10 @@ struct CodeRange {
     }
 };
 
-// A lattice tells numbers but for a constant. Where light is clipped the number is the converter's top code: the
-// nearest 2^n - 1 that leaves no number below 0.
-CodeLattice with_top_code(CodeLattice lattice, const CodeRange &range) {
-    if (range.clipped == 0)
+// A lattice tells numbers but for a constant. Where light is clipped below the largest code that is stored, the number is
+// the converter's top code: the nearest 2^n - 1 that leaves no number below 0. At the largest code, storage clips.
+CodeLattice with_top_code(CodeLattice lattice, const CodeRange &range, const CaptureLayout &layout) {
+    if (range.clipped == 0 || range.clipped >= layout.maximum_code())
         return lattice;
     const double number = number_of(range.clipped, lattice), least = number_of(std::uint16_t(range.least), lattice);
     std::optional<double> best;
@@ -191,7 +191,7 @@ unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, co
 
 // How to come back to the converter's codes.
 std::string back(const Camera &camera, const CodeLattice &told, const CodeRange &range) {
-    const CodeLattice lattice = with_top_code(told, range);
+    const CodeLattice lattice = with_top_code(told, range, camera.layout);
     const double offset = taken_off(lattice);
     const std::string codes = offset == 0.0  ? "codes"
                               : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
@@ -210,7 +210,7 @@ std::string stretched(const Camera &camera, const CodeLattice &lattice, const Co
     return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
                        "stretched, most likely of {} bits; {}",
                        share, lattice.first, lattice.last, step,
-                       bits_before(camera.layout, with_top_code(lattice, range), range), back(camera, lattice, range));
+                       bits_before(camera.layout, with_top_code(lattice, range, camera.layout), range), back(camera, lattice, range));
 }
 
 std::string gaps_text(const Camera &camera, const CodeGaps &gaps, const CodeRange &range) {
@@ -247,7 +247,7 @@ std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string
     // upper bits; in others a top code that is none of so many bits is that of a gain about another code than 0.
     const bool whole = !(lattice && lattice->step > std::ldexp(1.5, int(shift)));
     const bool ends_elsewhere =
-        camera.layout.bits < kMaxCaptureBits && lattice && with_top_code(*lattice, range).offset != lattice->offset;
+        camera.layout.bits < kMaxCaptureBits && lattice && with_top_code(*lattice, range, camera.layout).offset != lattice->offset;
     if (shift > 0 && whole && !ends_elsewhere)
         return CaptureWarning{sequence, upper_bits(camera, shift), "upper_bits"};
     if (!lattice)

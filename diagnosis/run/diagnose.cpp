@@ -372,7 +372,10 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
         const bool calibrated = change.level_drifts && std::any_of(lamp.begin(), lamp.end(), [&](const LampDrift &drift) {
                                     return drift.sequence == change.sequence;
                                 });
-        if (!calibrated && std::count(result.judged.begin(), result.judged.end(), change.sequence))
+        // A sequence that is left out for its frames without light is no reason to find no gap.
+        const bool counts = change.kind == kFramesWithoutLight ||
+                            std::count(result.judged.begin(), result.judged.end(), change.sequence) > 0;
+        if (!calibrated && counts)
             result.frame_changes.push_back(change);
     }
     const bool steady = result.frame_changes.empty();

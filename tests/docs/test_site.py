@@ -33,6 +33,12 @@ def test_it_has_all_pages_and_a_search(site: Path) -> None:
     assert (site / "searchindex.js").stat().st_size > 100_000
 
 
+def test_no_link_is_left_as_text(site: Path) -> None:
+    pages = [p for p in site.rglob("*.html") if "doxygen" not in p.parts and "_static" not in p.parts]
+    code = re.compile(r"<(pre|code)\b.*?</\1>|<script.*?</script>", re.DOTALL)
+    assert [p.name for p in pages if re.search(r"\]\((file|https?|\.\.)", code.sub("", p.read_text()))] == []
+
+
 def test_the_reference_is_whole(site: Path) -> None:
     c = (site / "reference" / "c.html").read_text()
     headers = "".join(header.read_text() for header in (ROOT / "capi/include/clspeckle").glob("*.h"))

@@ -230,6 +230,21 @@ def test_gains_about_any_code_are_taken_back(found, kind: str, light: float) -> 
         assert all(np.array_equal(back[name], arrays[name]) for name in arrays), "the converter's own codes"
 
 
+@pytest.mark.parametrize("gain", [1.5, 2.5, 3.0])
+def test_where_storage_clips_no_code_is_the_converters_top(found, gain: float) -> None:
+    """A camera of 12 bits, its codes amplified: what is clipped there may be any code of the converter."""
+    arrays, camera = recorded(7, frames=16)
+    random = np.random.default_rng(5)
+    for name in ("board_static", "board_moving"):
+        codes = arrays[name].astype(np.float64)
+        arrays[name] = np.rint(64 + 10 * (codes - 64) + random.uniform(-5, 5, codes.shape)).clip(0, 4095)
+    amplified = {name: np.minimum(np.rint(codes * gain), 4095) for name, codes in arrays.items()}
+    assert (amplified["board_static"] == 4095).sum() > 100
+    told = found(amplified, {"bits": 12, "black_level_dn": 100.0, "read_noise_dn": 5.0})
+    (text,) = [w["text"] for w in told if "numpy.rint" in w["text"]]
+    assert f"numpy.rint(codes / {gain:g})" in text
+
+
 def test_multiples_of_a_power_of_two_that_end_elsewhere(found) -> None:
     """In words of 16 bits codes may stand in the upper bits: that light is clipped below the top code is told beside."""
     arrays, camera = recorded(7, frames=16)
