@@ -603,6 +603,33 @@ TEST(Diagnosis, LargeGapsAreExplainedPartByPart) {
               (std::set<std::string>{"bayer_mismatch", "hot_pixels"}));
 }
 
+// A lamp and a beam that are brightest near the axis: what they share of the fall-off looks like the lens's, and the
+// interval says so. Where both are even, it is as narrow as the fit.
+TEST(Diagnosis, AFallOffThatTheLightsShareIsInTheInterval) {
+    for (const bool even : {false, true}) {
+        CaptureLayout layout = larger_layout();
+        const double corner = layout.farthest_corner_px();
+        if (!even)
+            for (SequenceLayout &sequence : layout.sequences) {
+                if (sequence.scene == CaptureScene::kFlat)
+                    sequence.illumination = {layout.principal_point_px, corner, {0.08, 0.0, -0.05, 0.0, -0.05}};
+                if (sequence.scene == CaptureScene::kBoard)
+                    sequence.illumination = {layout.principal_point_px, corner, {0.0, 0.06, -0.2, 0.0, -0.2}};
+            }
+        Capture capture = simulated({{"vignetting", {0.25}}}, kCaptureSeed + 370, {}, layout);
+        for (SequenceLayout &sequence : capture.layout.sequences)
+            sequence.illumination = {};
+        const DiagnosisResult result = diagnose(context(), capture, quick(1));
+        ASSERT_EQ(result.effects, std::vector<std::string>{"vignetting"}) << even;
+        ASSERT_EQ(result.parameters.size(), 1u);
+        const FittedParameter &loss = result.parameters[0];
+        EXPECT_LE(loss.low, 0.25) << even;
+        EXPECT_GE(loss.high, 0.25) << even;
+        EXPECT_EQ(loss.value > 0.28, !even) << loss.value;
+        EXPECT_EQ(loss.high - loss.low > 0.1, !even) << loss.low << " to " << loss.high;
+    }
+}
+
 // Beyond the common range (0.67), whose end with a last step from there once counted as an explanation: one that went
 // too far, to 0.98, or beside a second effect. 1 is all that there can be.
 TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
