@@ -59,13 +59,27 @@ def test_sequences_with_frames_without_light_are_left_out(ok, tmp_path: Path) ->
     assert "NOTHING COULD BE JUDGED of light" in report
     for motion in ("static", "moving"):
         assert f"{motion} was left out: 8 of its 16 frames have no light" in report
-    assert "NONE" not in report, "nobody knows whether these have a gap"
     told = ok("capture", "check", "set").err
     assert "static: 8 of 16 frames" in told and "moving: 8 of 16 frames" in told and "take codes[0::2]" in told
     for motion in ("static", "moving"):
         np.save(folder / f"{motion}.npy", np.load(folder / f"{motion}.npy")[0::2])
     assert "have no light" not in ok("capture", "check", "set").err
     assert "was left out" not in ok("diagnose", "set", "--replicates", 12, "--max-effects", 1).out
+
+
+def test_a_set_with_frames_without_light_is_not_none(ok, tmp_path: Path) -> None:
+    """One lost frame: its sequence is left out, and the others, which have no gap, do not speak for it."""
+    folder = write_set(tmp_path / "set", 0)
+    codes = np.load(folder / "flat.npy")
+    codes[3] = np.load(folder / "dark.npy")[3]
+    np.save(folder / "lost.npy", codes)
+    text = json.loads((folder / "capture.json").read_text())
+    text["sequences"].append({**text["sequences"][1], "name": "lost", "file": "lost.npy"})
+    (folder / "capture.json").write_text(json.dumps(text))
+    report = ok("diagnose", "set", "--json", "-", "--quiet", *QUICK).json()
+    assert report["coverage"]["left_out"] == ["lost"]
+    assert [change["sequence"] for change in report["gap"]["frame_changes"]] == ["lost"]
+    assert report["cause"]["verdict"] == "unknown"
 
 
 def test_no_gap(ok, tmp_path: Path) -> None:

@@ -188,8 +188,10 @@ TEST_F(Swap, TheLikelierOfTwoThatExplainAll) {
     all = candidates(twins, {});
     SearchState state = state_of(fits, {"bend", "row_noise"}, {"tilt"});
     ASSERT_FALSE(state.models.back().residual.detected);
+    state.screened[&candidate("bend")] = state.screened.at(&candidate("tilt")); // before it was added
     EXPECT_TRUE(swap_confusable_effects(fits, state, 0.0));
     EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "tilt"}));
+    EXPECT_EQ(state.screened.count(&candidate("bend")), 0u) << "they would swap again and again";
     const std::vector<RankedEffect> &ranking = state.steps.back().ranking;
     ASSERT_EQ(2u, ranking.size());
     EXPECT_EQ("tilt", ranking[0].effect);
