@@ -16,14 +16,18 @@ epipolar lines, and triangulated (docs/guide/depth.md). Dots without a depth get
 of two columns, at most 16384 rows. Or the JSON of `clspeckle doe layout` or `doe design`, whose direction cosines are
 converted as the projection of the geometry file asks. --geometry FILE: a sequence.json, or a JSON file with these members of it:
   {"camera": {"fx_px": 560, "fy_px": 560, "cx_px": 319.5, "cy_px": 239.5},
-   "laser": {"laser_from_geometry": [1,0,0,-0.075, 0,1,0,0, 0,0,1,0], "pattern": {"projection": "tangent_plane"}},
+   "laser": {"laser_from_geometry": [1,0,0,-0.075, 0,1,0,0, 0,0,1,0],
+             "pattern": {"projection": "tangent_plane"}},
    "depth_range_m": [0.4, 4]}
 laser_from_geometry is [R|t] by rows from the camera's frame to the laser's; projection and depth_range_m may be left out.
 
 Examples:
-  clspeckle depth out/frame_*.png --dots dots.txt --geometry sequence.json --near-m 0.4 --far-m 4
-  clspeckle depth out/frames.npy --dots dots.npy --geometry rig.json --read-noise-dn 4 --black-level-dn 64 --csv dots.csv
-  clspeckle depth frame.png --dots layout.json --geometry rig.json --pictures pictures --json
+  clspeckle depth out/frame_*.png --dots dots.txt --geometry sequence.json \
+      --near-m 0.4 --far-m 4
+  clspeckle depth out/frames.npy --dots dots.npy --geometry rig.json \
+      --read-noise-dn 4 --black-level-dn 64 --csv dots.csv
+  clspeckle depth frame.png --dots layout.json --geometry rig.json \
+      --pictures pictures --json
 )");
     app.add_option("FRAMES", a.files, "Images, stacks, folders or glob patterns")->required()->type_name("");
     const auto text = [&](const char *name, std::string &value, const std::string &what, const char *type) {

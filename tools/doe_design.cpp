@@ -35,7 +35,8 @@ figures), both complete or not at all.
 Examples:
   clspeckle doe design -o dots
   clspeckle doe design -o binary --levels 2 --symmetric --search 3
-  clspeckle doe layout -o layout --dots 2509 && clspeckle doe design layout.json -o dots2509 --levels 16
+  clspeckle doe layout -o layout --dots 2509 \
+      && clspeckle doe design layout.json -o dots2509 --levels 16
 )";
 
 constexpr const char *layout_examples =

@@ -21,12 +21,14 @@ namespace {
 
 constexpr const char *examples =
     R"(DESIGN is NAME.npy, the phase in radians (float32, height x width), with NAME.json beside it:
-  {"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9, "periodic": true, "levels": 2, "orders": [[m, n, weight], ...]}
+  {"pixel_pitch_m": 1e-6, "wavelength_m": 940e-9, "periodic": true,
+   "levels": 2, "orders": [[m, n, weight], ...]}
 "periodic": the phase is a cell that repeats over the beam; else the whole aperture, with "directions": [[u, v, weight], ...].
 What the defects mean: docs/method/doe.md.
 
 Examples:
-  clspeckle doe pattern cell.npy -o pattern.npy --beam-sigma-um 250 --etch-noise-nm 15 --depth-error 0.03
+  clspeckle doe pattern cell.npy -o pattern.npy --beam-sigma-um 250 \
+      --etch-noise-nm 15 --depth-error 0.03
   clspeckle doe inspect cell.npy -o cell.png --wavelength-nm 910
 )";
 

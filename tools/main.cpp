@@ -1,6 +1,7 @@
 #include "commands.hpp"
 #include "doe.hpp"
 #include "errors.hpp"
+#include "help.hpp"
 #include "interrupt.hpp"
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
@@ -23,7 +24,6 @@
 #include <limits>
 #include <map>
 #include <new>
-#include <sstream>
 #include <type_traits>
 
 namespace {
@@ -38,7 +38,8 @@ constexpr const char *exit_codes = R"(Exit codes:
 constexpr const char *main_examples = R"(Examples:
   clspeckle devices
   clspeckle render ideal.png -o out
-  clspeckle render examples/office/gbuffers -o out --f-number 8 --exposure-gain auto
+  clspeckle render examples/office/gbuffers -o out --f-number 8 \
+      --exposure-gain auto
   clspeckle statistics out/frame_000000.png --bits 10
   clspeckle effects
   clspeckle diagnose my-camera
@@ -57,14 +58,16 @@ IMAGE. Of a folder, what render itself wrote is left out: previews, and the fram
 there; not ideal_*.npy.
 
 Configuration: the options in the groups "Configuration" are also the keys of a JSON file, grouped as here:
-  {"aperture": {"f_number": 8}, "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}
+  {"aperture": {"f_number": 8},
+   "sensor": {"bits": 10, "exposure_gain_dn": "auto"}}
 A key is the option's name with underscores, without the name of its group: --pattern-quantity is pattern.quantity (and
 --pattern is pattern.image, --sensor is sensor.enabled). --dump-config prints all of them. The command line beats the
 configuration file, which beats sequence.json, which beats the defaults.
 
 With --motion the speckle moves and changes with the surfaces: by the poses of the moving_objects in sequence.json, or
 by the motion channels. What surfaces are made of says the list "materials" of sequence.json or of --materials FILE:
-  {"materials": [{"id": 1, "name": "paper", "roughness_rms_m": 5e-6, "degree_of_polarization": 0}]}
+  {"materials": [{"id": 1, "name": "paper", "roughness_rms_m": 5e-6,
+                  "degree_of_polarization": 0}]}
 with the members of ClspMaterial (material.h); "living": true means a correlation_time_s of 0.
 
 Effects (clspeckle effects lists them) are switched on by --effect, or in the configuration:
@@ -75,14 +78,19 @@ Written to the output folder: frame_000000.png ... (or frames.npy for a stack), 
 
 Examples:
   clspeckle render ideal.png -o out --f-number 4 --seed 7
-  clspeckle render ideal.npy -o out --sensor-profile OS04A10 --effect defocus:waves=0.8 --effect dsnu
-  clspeckle render ideal.npy -o out --frames 100 --format npy-stack --no-preview --stage-times
-  clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png --pattern-half-extent-x 0.7 \
-      --pattern-half-extent-y 0.48 --fx 560 --fy 560 --cx 319.5 --cy 239.5
-  clspeckle render examples/office/gbuffers -o out --exposure-gain auto --save-ideal
+  clspeckle render ideal.npy -o out --sensor-profile OS04A10 \
+      --effect defocus:waves=0.8 --effect dsnu
+  clspeckle render ideal.npy -o out --frames 100 --format npy-stack \
+      --no-preview --stage-times
+  clspeckle render 'gbuffers/*.exr' -o out --pattern dots.png \
+      --pattern-half-extent-x 0.7 --pattern-half-extent-y 0.48 --fx 560 \
+      --fy 560 --cx 319.5 --cy 239.5
+  clspeckle render examples/office/gbuffers -o out --exposure-gain auto \
+      --save-ideal
   clspeckle render ideal.png --f-number 8 --dump-config > camera.json
   clspeckle render ideal.png -o out --config camera.json
-  clspeckle render ideal.npy -o out --profile profile.json --profile-sequence board_moving
+  clspeckle render ideal.npy -o out --profile profile.json \
+      --profile-sequence board_moving
 )";
 
 /** The formats, as the registry knows them. */
@@ -93,12 +101,9 @@ std::string render_inputs() {
         if (!format.stacks.empty())
             stacks += (stacks.empty() ? "" : ", ") + format.stacks;
     }
-    return tools::wrapped(
-               fmt::format("INPUT is an ideal infrared image ({}), a stack of them ({}), a folder or a quoted "
-                           "glob pattern; or a scene: {} files, a sequence.json or its folder.",
-                           images, stacks, image_io::listed("or", &image_io::Format::has_named_channels)),
-               "", 120) +
-           "\n";
+    return fmt::format("INPUT is an ideal infrared image ({}), a stack of them ({}), a folder or a quoted glob pattern; "
+                       "or a scene: {} files, a sequence.json or its folder.\n\n",
+                       images, stacks, image_io::listed("or", &image_io::Format::has_named_channels));
 }
 
 constexpr const char *statistics_examples =
@@ -120,12 +125,14 @@ of each effect: a weak and a strong value as cameras show them, and the range th
 Examples:
   clspeckle effects
   clspeckle effects --json
-  clspeckle render ideal.png -o out --effect defocus:waves=0.8 --effect shot_noise
+  clspeckle render ideal.png -o out --effect defocus:waves=0.8 \
+      --effect shot_noise
 )";
 
 constexpr const char *capture_examples =
     R"(Examples:
-  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 --wavelength-nm 940
+  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 \
+      --wavelength-nm 940
   clspeckle capture make demo --effect defocus:waves=0.8 --seed 7
   clspeckle capture check demo
 
@@ -149,7 +156,8 @@ rest) or moving. A time in a name ("flat_5ms") is the exposure, NAME_mask.png th
 
 Examples:
   clspeckle capture init my-camera
-  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 --wavelength-nm 940 --force
+  clspeckle capture init my-camera --pixel-pitch-um 2.9 --f-number 5.6 \
+      --wavelength-nm 940 --force
 )";
 
 constexpr const char *capture_emva_examples =
@@ -168,25 +176,32 @@ same speckle and new noise in each frame, moving ones new speckle too; fixed pat
 
 Examples:
   clspeckle capture make demo
-  clspeckle capture make demo --frames 40 --effect shot_noise:dn_per_electron=0.2 --effect prnu --seed 7 --key
-  clspeckle capture make bench --sequences dark,flat --flat-level 100,200,400,800
+  clspeckle capture make demo --frames 40 \
+      --effect shot_noise:dn_per_electron=0.2 --effect prnu --seed 7 --key
+  clspeckle capture make bench --sequences dark,flat \
+      --flat-level 100,200,400,800
 )";
 
 constexpr const char *diagnose_examples =
     R"(CAPTURE is the folder of a capture set: what a camera recorded (docs/guide/captures.md). The simulator draws
 the same sequences again and again, calibrated to the camera's light levels, black level and read noise. Statistics of
 both are compared.
+
 Verdicts:
   none       no gap between camera and simulator at the level
-  named      one effect, or the smallest set of effects that is needed, explains the gap
-  ambiguous  two or more effects explain it equally well; the advice says which capture would tell
-  unknown    a significant part of the gap is explained by no effect of the catalogue (clspeckle effects)
+  named      one effect, or the smallest set that is needed, explains the gap
+  ambiguous  two or more effects explain it equally well; the advice says which
+             capture would tell
+  unknown    a significant part of the gap is explained by no effect of the
+             catalogue (clspeckle effects)
+
 The exit code is 0 whenever a report was made, whatever it says. The same seed gives the same report. What the numbers
 mean: docs/method/diagnosis.md.
 
 Examples:
   clspeckle diagnose my-camera
-  clspeckle diagnose my-camera --json report.json --html report.html --without gamma,full_well
+  clspeckle diagnose my-camera --json report.json --html report.html \
+      --without gamma,full_well
   clspeckle diagnose my-camera --hypothesis shading.json
   clspeckle diagnose my-camera --json - --quiet > report.json
 )";
@@ -207,7 +222,8 @@ which of them would close how much. Verdicts and exit code are those of diagnose
 
 Examples:
   clspeckle gap compare my-camera my-simulator
-  clspeckle gap compare my-camera my-simulator --json report.json --html report.html
+  clspeckle gap compare my-camera my-simulator --json report.json \
+      --html report.html
 )";
 
 constexpr const char *gap_check_examples =
@@ -228,7 +244,8 @@ run goes on where it was. Table and, with Matplotlib, figure lie in FOLDER (docs
 
 Examples:
   clspeckle gap power --out power --jobs 2
-  clspeckle gap power --out power --frames 8 --frames 32 --effect defocus --effect shot_noise --repeats 10
+  clspeckle gap power --out power --frames 8 --frames 32 --effect defocus \
+      --effect shot_noise --repeats 10
 )";
 
 constexpr const char *tune_examples =
@@ -295,53 +312,6 @@ std::string description(const tools::Option &option) {
         facts += (facts.empty() ? "" : "; ") + std::string("default ") + fallback;
     return facts.empty() ? option.help : option.help + " (" + facts + ")";
 }
-
-/** CLI11's help with the descriptions wrapped, and without its notes on flags and checks, which the descriptions hold.
- */
-class Formatter final : public CLI::Formatter {
-  public:
-    std::string make_option(const CLI::Option *option, bool is_positional) const override {
-        constexpr std::size_t column = 30;
-        constexpr std::size_t line_width = 116;
-        std::string names;
-        if (is_positional) {
-            names = option->get_name(true) + (option->get_expected_max() > 1 ? "..." : "");
-        } else {
-            for (const std::string &name : option->get_snames())
-                names += (names.empty() ? "-" : ", -") + name;
-            for (const std::string &name : option->get_lnames())
-                names += (names.empty() ? "--" : ", --") + name;
-            if (!option->get_type_name().empty())
-                names += " " + type_of(option);
-        }
-        std::string text = "  " + names;
-        std::size_t used = text.size();
-        if (used + 2 > column) {
-            text += '\n';
-            used = 0;
-        }
-        text.append(column - used, ' ');
-        used = column;
-        std::istringstream words(option->get_description());
-        bool first = true;
-        for (std::string word; words >> word; first = false) {
-            if (!first && used + 1 + word.size() > line_width) {
-                text += '\n' + std::string(column, ' ');
-                used = column;
-                first = true;
-            }
-            text += (first ? "" : " ") + word;
-            used += word.size() + (first ? 0 : 1);
-        }
-        return text + '\n';
-    }
-
-  private:
-    static std::string type_of(const CLI::Option *option) {
-        const std::string type = option->get_type_name();
-        return type.substr(0, type.find(':'));
-    }
-};
 
 /** Refuses what is no number of the range; CLI11 puts the option's name in front. */
 template <typename T> CLI::Validator within(T low, T high) {
@@ -797,7 +767,7 @@ int run(int argc, char **argv) {
                  "clspeckle");
     app.footer(std::string(main_examples) + "\n" + exit_codes);
     app.require_subcommand(1);
-    app.formatter(std::make_shared<Formatter>());
+    app.formatter(std::make_shared<tools::Formatter>());
     const auto version = clspeckle::version();
     app.set_version_flag("--version", fmt::format("clspeckle {}.{}.{}", version.major, version.minor, version.patch),
                          "Print the version and end");

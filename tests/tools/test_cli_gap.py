@@ -162,10 +162,3 @@ def test_check_says_what_it_needs(cli, program: Path, tmp_path: Path) -> None:
     bare.chmod(0o755)
     run = cli("gap", "check", "--out", "check", "--generator", WITHHELD, "--python", bare)
     assert run.code == 1 and "NumPy and SciPy" in run.err and "requirements.txt" in run.err
-
-
-def test_help(ok) -> None:
-    for command in ("compare", "check", "power"):
-        text = ok("gap", command, "--help").out
-        assert "Usage: clspeckle" in text and "Examples:" in text
-        assert max(map(len, text.splitlines())) <= 120, "it fits a terminal"
