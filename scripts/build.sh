@@ -5,4 +5,4 @@ cd "$(dirname "$0")/.."
 cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCLSP_PYTHON="$PWD/.venv/bin/python" "$@"
 cmake --build build --parallel
 .venv/bin/python -m pip install -q --disable-pip-version-check --no-build-isolation \
-    -C "cmake.define.CLSP_PYTHON_LIBRARY=$PWD/build/lib/libclspeckle.so" ./bindings/python
+    -C "cmake.define.CLSP_PYTHON_LIBRARY=$PWD/build/lib/libclspeckle.so" .

@@ -39,6 +39,7 @@ class Headers:
         numbers = re.findall(r"#define (CLSP_\w+) \(?(-?(?:0x)?[0-9A-Fa-f]+)u?\)?", self.text)
         self.constants = {name: value for name, value in numbers if not re.match(r"CLSP_(ERROR|VERSION|ABI)_", name)}
         self.abi = dict(numbers)["CLSP_ABI_VERSION"]
+        self.version = ".".join(dict(numbers)[f"CLSP_VERSION_{part}"] for part in ("MAJOR", "MINOR", "PATCH"))
         self.handles = {"cl_context", "cl_device_id", "cl_command_queue", "cl_mem", "cl_event", "cl_platform_id"}
         self.handles |= set(re.findall(r"typedef struct Clsp\w+_ \*(Clsp\w+);", self.text))
         self.structs = {
@@ -122,7 +123,7 @@ def python_text(headers: Headers) -> str:
     names = {"char": "char", "char_p": "text", "double": "f64", "float": "f32", "int32": "i32", "uint8": "u8"}
     names |= {"uint16": "u16", "uint32": "u32", "uint64": "u64", "void_p": "void"}
     lines += [f"from ctypes import c_{name} as _{short}" for name, short in names.items()]
-    lines += ["from typing import Any", "", f"ABI_VERSION = {headers.abi}"]
+    lines += ["from typing import Any", "", f'VERSION = "{headers.version}"', f"ABI_VERSION = {headers.abi}"]
 
     group: list[str] = []
 

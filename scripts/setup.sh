@@ -30,10 +30,10 @@ fi
 
 # A virtual environment whose making was interrupted has no pip.
 .venv/bin/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv; python3 -m venv .venv; }
-.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.10" "numpy>=1.24" matplotlib
+.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.11" "numpy>=1.24" matplotlib
 if [ "$level" = test ]; then
     requirements=()
-    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt docs/requirements.txt; do
+    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt tests/install/requirements.txt docs/requirements.txt; do
         requirements+=(-r "$file")
     done
     .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"

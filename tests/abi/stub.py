@@ -26,7 +26,7 @@ def declared(headers: Path = HEADERS) -> dict[str, str]:
 
 
 def build(library: Path, headers: Path = HEADERS) -> None:
-    abi = re.search(r"CLSP_ABI_VERSION (\d+)", (ROOT / "CMakeLists.txt").read_text())
+    abi = re.search(r"#define CLSP_ABI_VERSION (\d+)", (HEADERS / "types.h").read_text())
     assert abi is not None
     bodies = (f"{declaration} {{ return 0; }}\n" for declaration in declared(headers).values())
     command = [CC, "-std=c99", "-g", "-shared", "-fPIC", f"-Wl,-soname,libclspeckle.so.{abi[1]}",

@@ -2,39 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import re
-import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
-
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
-CC = os.environ.get("CLSPECKLE_C_COMPILER", "cc")
-CXX = os.environ.get("CLSPECKLE_CXX_COMPILER", "c++")
-STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-
-
-def run(*command: object, env: dict[str, str] | None = None) -> str:
-    """Runs a command; its output is shown if it fails."""
-    words = [str(word) for word in command]
-    done = subprocess.run(words, check=False, capture_output=True, text=True, env={**os.environ, **(env or {})})
-    assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
-
-
-def checksum(program: Path, **env: str) -> str:
-    output = run(program, env=env)
-    assert re.fullmatch(r"checksum \d+\n", output), output
-    return output
-
-
-def configure(source: Path, build: Path, *arguments: str) -> None:
-    run("cmake", "-S", source, "-B", build, f"-DCMAKE_C_COMPILER={CC}", f"-DCMAKE_CXX_COMPILER={CXX}",
-        f"-DCONSUMER_FLAGS={';'.join(STRICT)}", *arguments)  # fmt: skip
+from install_common import BUILD, CC, CXX, HERE, ROOT, STRICT, checksum, configure, release, run
 
 
 @pytest.fixture(scope="module")
@@ -73,14 +45,11 @@ def test_installed_files(prefix: Path, libdir: Path) -> None:
     headers = {path.name for path in (prefix / "include" / "clspeckle").iterdir()}
     folders = (ROOT / "capi" / "include" / "clspeckle", ROOT / "bindings" / "cpp" / "include" / "clspeckle")
     assert headers == {path.name for folder in folders for path in folder.iterdir()}
-    version = re.search(r"project\(clspeckle VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())
-    assert version is not None
-    abi = re.search(r"CLSP_ABI_VERSION (\d+)", (ROOT / "CMakeLists.txt").read_text())
-    assert abi is not None
-    assert (libdir / f"libclspeckle.so.{version[1]}").is_file()
+    version, abi = release()
+    assert (libdir / f"libclspeckle.so.{version}").is_file()
     soname = run("readelf", "-d", libdir / "libclspeckle.so")
-    assert f"[libclspeckle.so.{abi[1]}]" in soname
-    assert (libdir / f"libclspeckle.so.{abi[1]}").resolve() == (libdir / f"libclspeckle.so.{version[1]}").resolve()
+    assert f"[libclspeckle.so.{abi}]" in soname
+    assert (libdir / f"libclspeckle.so.{abi}").resolve() == (libdir / f"libclspeckle.so.{version}").resolve()
     assert "RUNPATH" not in soname, "the installed library looks into the build folder"
     assert "RPATH" not in soname, "the installed library looks into the build folder"
 
@@ -131,7 +100,7 @@ def test_pkg_config(compiler: str, standard: str, source: str, libdir: Path, exp
     program = tmp_path / "consumer"
     run(compiler, f"-std={standard}", *STRICT, HERE / source, *flags, "-o", program)
     assert checksum(program, LD_LIBRARY_PATH=str(libdir)) == expected
-    assert run("pkg-config", "--modversion", "clspeckle", env=path).strip() in (ROOT / "CMakeLists.txt").read_text()
+    assert run("pkg-config", "--modversion", "clspeckle", env=path).strip() == release()[0]
 
 
 @pytest.mark.parametrize("way", ["add_subdirectory", "fetch_content"])

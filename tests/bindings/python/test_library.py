@@ -229,6 +229,23 @@ def test_a_file_that_is_no_library_is_an_error(run_python: Runner, tmp_path: Pat
     assert "text.so (environment variable CLSPECKLE_LIBRARY)" in result.stdout
 
 
+def test_a_system_without_the_loader_of_opencl_is_told_what_to_install(run_python: Runner, tmp_path: Path) -> None:
+    # A name that no system has, and that the linker found while it was there.
+    loader = tmp_path / "libOpenCL.so.99"
+    compile_c("int clNothing(void) { return 0; }", loader, "-shared", "-fPIC", f"-Wl,-soname,{loader.name}")
+    options = ("-shared", "-fPIC", "-Wl,--no-as-needed", str(loader))
+    compile_c(fake_library(_library.ABI_VERSION), tmp_path / "ours.so", *options)
+    loader.unlink()
+    result = run_python(LOAD, CLSPECKLE_LIBRARY=str(tmp_path / "ours.so"))
+    assert "needs OpenCL's loader" in result.stdout, result.stderr
+    assert "libOpenCL.so.99" in result.stdout
+    named = re.search(r"apt-get install ([\w-]+) ([\w-]+)\.", result.stdout)
+    assert named, result.stdout
+    for package in named.groups():
+        subprocess.run(["apt-cache", "show", package], check=True, capture_output=True, timeout=60)
+    assert "CLSPECKLE_LIBRARY to its file" not in result.stdout
+
+
 def test_another_library_is_refused(run_python: Runner, tmp_path: Path) -> None:
     compile_c("int something(void) { return 1; }", tmp_path / "other.so", "-shared", "-fPIC")
     result = run_python(LOAD, CLSPECKLE_LIBRARY=str(tmp_path / "other.so"))

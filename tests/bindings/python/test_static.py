@@ -22,7 +22,7 @@ def run(root: Path, *arguments: str) -> None:
 
 
 def test_types(tmp_path: Path, root: Path) -> None:
-    options = ["--config-file", "bindings/python/pyproject.toml", "--cache-dir", str(tmp_path)]
+    options = ["--config-file", "pyproject.toml", "--cache-dir", str(tmp_path)]
     run(root, "mypy", *options, "bindings/python/src", "tests/bindings/python")
 
 
@@ -57,7 +57,7 @@ def test_types_of_a_user(tmp_path: Path, root: Path) -> None:
 
 @pytest.mark.parametrize("folder", ["bindings/python", "tests/bindings/python"])
 def test_style(folder: str, root: Path) -> None:
-    options = ["--config", "bindings/python/pyproject.toml", "--no-cache"]
+    options = ["--config", "pyproject.toml", "--no-cache"]
     run(root, "ruff", "check", *options, folder)
     run(root, "ruff", "format", "--check", *options, folder)
 

@@ -18,7 +18,7 @@ All calls release the GIL. Objects may be shared between threads: calls on one o
 that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".
 """
 
-from . import errors, philox, statistics
+from . import _generated, errors, philox, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .depth import Depth, DepthResult, DepthSummary
@@ -68,7 +68,7 @@ from .runtime import (
 from .sensor import Sensor
 from .tuning import Tuning, explain_engine, tune, tuning_record_path
 
-__version__ = "0.1.0"
+__version__ = _generated.VERSION
 
 __all__ = [
     "Aperture",

@@ -18,6 +18,7 @@ from ctypes import c_uint64 as _u64
 from ctypes import c_void_p as _void
 from typing import Any
 
+VERSION = "0.1.0"
 ABI_VERSION = 0
 CLSP_SUCCESS = 0
 CLSP_LOG_WARNING, CLSP_LOG_INFO = 1, 2

@@ -109,6 +109,12 @@ def _load() -> ctypes.CDLL:
         try:
             loaded = ctypes.CDLL(path)
         except OSError as error:
+            if "libOpenCL" in str(error):
+                raise errors.LibraryLoadError(
+                    f"{path} needs OpenCL's loader, which this system lacks ({error}); install it, with a driver. On "
+                    "Debian: apt-get install ocl-icd-libopencl1 pocl-opencl-icd. One is the loader; the "
+                    "other makes a device of the CPU; a GPU needs its vendor's driver instead"
+                ) from None
             tried.append(f"{path} ({what}): {error}")
             continue
         _bind(loaded, path)
@@ -116,7 +122,7 @@ def _load() -> ctypes.CDLL:
     raise errors.LibraryLoadError(
         "the shared library clspeckle was not found or did not load. Tried:\n  "
         + "\n  ".join(tried)
-        + "\nInstall the package from a checkout (pip install ./bindings/python), or build the library (cmake -B build "
+        + "\nInstall the package from a checkout (pip install .), or build the library (cmake -B build "
         "&& cmake --build build), or set CLSPECKLE_LIBRARY to its file."
     )
 
