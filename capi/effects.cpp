@@ -42,6 +42,7 @@ CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info) {
             to.maximum = from.maximum;
             to.weak = from.weak;
             to.strong = from.strong;
+            result.whole_parameters |= (from.whole ? 1u : 0u) << i;
         }
         *info = result;
     });

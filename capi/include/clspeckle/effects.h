@@ -37,7 +37,7 @@ typedef struct ClspEffectInfo {
     char summary[128];        /**< What happens. */
     char kernel[64];          /**< File and function that carry it out. */
     uint32_t parameter_count; /**< 1 to CLSP_MAX_EFFECT_PARAMETERS. */
-    uint32_t reserved;        /**< 0. */
+    uint32_t whole_parameters; /**< Bit i: parameters[i] counts or numbers something, and must be a whole number. */
     ClspEffectParameter parameters[CLSP_MAX_EFFECT_PARAMETERS]; /**< The first parameter_count of them. */
 } ClspEffectInfo;
 

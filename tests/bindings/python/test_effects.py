@@ -89,6 +89,23 @@ def test_the_catalogue() -> None:
                 assert parameter.minimum <= value <= parameter.maximum, effect
 
 
+def test_whole_numbers_are_those_that_take_no_fraction(camera: clspeckle.Pipeline) -> None:
+    for effect in clspeckle.effects():
+        for parameter in effect.parameters if effect.id not in NEEDS_DOTS else ():
+            fraction = math.floor(parameter.middle) + 0.5
+            if not parameter.minimum <= fraction <= parameter.maximum:
+                continue
+            try:
+                camera.set_effect(effect.id, **{parameter.name: fraction})
+            except errors.InvalidArgumentError as error:
+                assert parameter.whole, error
+                assert "must be a whole number" in str(error)
+            else:
+                assert not parameter.whole, (effect.id, parameter.name)
+                camera.clear_effect()
+    assert {p.name for e in clspeckle.effects() for p in e.parameters if p.whole} >= {"bits", "centered"}
+
+
 def test_every_effect_has_its_line_in_the_docs() -> None:
     described = (KERNELS.parent / "docs" / "reference" / "effects.md").read_text(encoding="utf-8")
     lines = {match[1]: match[0] for match in re.finditer(r"^\| `(\w+)` .*$", described, re.MULTILINE)}

@@ -179,7 +179,7 @@ class ClspEffectParameter(Structure):
 class ClspEffectInfo(Structure):
     _fields_ = [
         ("id", _char * 32), ("stage", _char * 16), ("summary", _char * 128), ("kernel", _char * 64),
-        ("parameter_count", _u32), ("reserved", _u32), ("parameters", ClspEffectParameter * 4),
+        ("parameter_count", _u32), ("whole_parameters", _u32), ("parameters", ClspEffectParameter * 4),
     ]
 
 

@@ -31,6 +31,8 @@ class EffectParameter:
     """A weak effect, as cameras show it."""
     strong: float
     """A strong one; may be below `weak`."""
+    whole: bool = False
+    """It counts or numbers something, and must be a whole number."""
 
     @property
     def middle(self) -> float:
@@ -62,7 +64,8 @@ def effects() -> list[Effect]:
         info = _library.ClspEffectInfo()
         _library.call("clspEffectGetInfo", index, ctypes.byref(info))
         parameters = tuple(
-            _library.record(EffectParameter, parameter) for parameter in info.parameters[: info.parameter_count]
+            _library.record(EffectParameter, parameter, whole=bool(info.whole_parameters >> place & 1))
+            for place, parameter in enumerate(info.parameters[: info.parameter_count])
         )
         result.append(_library.record(Effect, info, parameters=parameters))
     return result

@@ -1,0 +1,69 @@
+"""python -m clspeckle.dataset: writes a set."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
+from .. import errors
+from .recipe import Recipe
+from .shards import write
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m clspeckle.dataset",
+        description="Writes pairs of ideal and recorded images as WebDataset shards. A stopped run goes on.",
+    )
+    parser.add_argument("recipe", help="JSON file with scenes, cameras, effects, effects_per_image and seed")
+    parser.add_argument("--out", required=True, help="folder of the set; made if it does not exist")
+    parser.add_argument("--count", required=True, type=int, help="pairs")
+    parser.add_argument("--shard-size", type=int, default=1000, help="pairs of a shard (default 1000)")
+    parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
+    parser.add_argument("--no-ideal", action="store_true", help="leave the ideal images out of the shards")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    return parser.parse_args(argv)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """What ``python -m clspeckle.dataset`` does; its exit code, as the program's."""
+    arguments = _arguments(argv)
+    begin: list[tuple[float, int]] = []
+
+    def progress(done: int, count: int) -> None:
+        begin.append((time.monotonic(), done))
+        passed, fresh = begin[-1][0] - begin[0][0], done - begin[0][1]
+        left = f", {passed / fresh * (count - done):.0f} s left" if fresh else ""
+        print(f"{done} of {count} pairs{left}", file=sys.stderr, flush=True)
+
+    try:
+        shards = write(
+            Recipe.from_file(arguments.recipe),
+            arguments.out,
+            count=arguments.count,
+            shard_size=arguments.shard_size,
+            with_ideal=not arguments.no_ideal,
+            workers=arguments.workers,
+            progress=None if arguments.quiet else progress,
+        )
+    except KeyboardInterrupt:
+        print("stopped; finished shards stay, the same command goes on", file=sys.stderr)
+        return 130
+    except (errors.InvalidArgumentError, TypeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 3
+    except (errors.ClspeckleError, RuntimeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if not arguments.quiet:
+        print(f"{len(shards)} shards in {arguments.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,326 @@
+"""Sets of training pairs: drawn by seed and number alone, written whole, gone on with after a kill."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import errno
+import hashlib
+import json
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tarfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import clspeckle
+from clspeckle import dataset
+from clspeckle.dataset import Pairs, Recipe
+from clspeckle.dataset import shards as shard_files
+
+EFFECTS = {"defocus": {"waves": {"log": [0.1, 1.0]}}, "prnu": {}, "adc_bits": {}, "row_noise": {"sigma_dn": 2}}
+CAMERAS = ({"f_number": [2.8, 8], "bits": {"choice": [8, 10]}, "exposure_gain_dn": 150}, {"f_number": 4})
+
+
+def recipe(ideal: npt.NDArray[np.float32], **changes: Any) -> Recipe:
+    given: dict[str, Any] = {
+        "scenes": [ideal, ideal[:16] * 0.5],
+        "cameras": CAMERAS,
+        "effects": EFFECTS,
+        "effects_per_image": (0, 3),
+        "seed": 11,
+    }
+    return Recipe(**{**given, **changes})
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(folder.iterdir())}
+
+
+def test_draws_depend_on_seed_and_number_alone(ideal: npt.NDArray[np.float32]) -> None:
+    there = recipe(ideal)
+    draws = [there.draw(i) for i in range(40)]
+    assert draws == [recipe(ideal).draw(i) for i in reversed(range(40))][::-1]
+    assert len({d.seed for d in draws}) == 40
+    assert draws != [recipe(ideal, seed=12).draw(i) for i in range(40)]
+    # The order in which a recipe names its effects is none of the draw's.
+    turned = recipe(ideal, effects=dict(reversed(EFFECTS.items())))
+    assert draws == [turned.draw(i) for i in range(40)]
+
+
+def test_draws_follow_their_ranges(ideal: npt.NDArray[np.float32]) -> None:
+    """4000 draws of one seed; a share that is off by four standard deviations fails, which chance does in 1 of 1000."""
+    there = recipe(ideal)
+    draws = [there.draw(i) for i in range(4000)]
+
+    def is_share(count: int, total: int, share: float) -> bool:
+        return abs(count - total * share) < 4 * math.sqrt(total * share * (1 - share))
+
+    for scene in (0, 1):
+        assert is_share(sum(d.scene == scene for d in draws), 4000, 0.5)
+    for count in range(4):
+        assert is_share(sum(len(d.effects) == count for d in draws), 4000, 0.25)
+    for effect in EFFECTS:
+        assert is_share(sum(effect in d.effects for d in draws), 4000, 1.5 / 4)
+    first = [d.parameters for d in draws if d.camera == 0]
+    assert is_share(len(first), 4000, 0.5)
+    assert all(2.8 <= p["f_number"] <= 8 and p["exposure_gain_dn"] == 150 for p in first)
+    assert is_share(sum(p["f_number"] < 5.4 for p in first), len(first), 0.5)
+    assert is_share(sum(p["bits"] == 8 for p in first), len(first), 0.5)
+    waves = [d.effects["defocus"]["waves"] for d in draws if "defocus" in d.effects]
+    assert is_share(sum(w < math.sqrt(0.1) for w in waves), len(waves), 0.5), "uniform in the logarithm"
+    bits = [d.effects["adc_bits"]["bits"] for d in draws if "adc_bits" in d.effects]
+    assert set(bits) == {6.0, 7.0, 8.0}, "whole numbers from weak to strong"
+    assert is_share(bits.count(6.0), len(bits), 1 / 3)
+    assert {d.effects["row_noise"]["sigma_dn"] for d in draws if "row_noise" in d.effects} == {2}
+
+
+def test_a_pair_is_what_simulate_gives(ideal: npt.NDArray[np.float32]) -> None:
+    there = recipe(ideal)
+    for index in range(6):
+        pair = there.render(index)
+        drawn = pair.draw
+        scene = [ideal, ideal[:16] * 0.5][drawn.scene]
+        assert np.array_equal(pair.ideal, scene)
+        expected = clspeckle.simulate(scene, seed=drawn.seed, effects=drawn.effects, **drawn.parameters)
+        assert np.array_equal(pair.codes, expected)
+    assert len({there.render(i).codes.tobytes() for i in range(6)}) == 6
+
+
+def test_shards_are_the_same_bytes_however_they_are_made(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    there = recipe(ideal)
+    told: list[tuple[int, int]] = []
+    shards = dataset.write(there, tmp_path / "one", count=10, shard_size=4, progress=lambda *t: told.append(t))
+    assert [s.name for s in shards] == ["shard-000000.tar", "shard-000001.tar", "shard-000002.tar"]
+    assert told == [(0, 10), (4, 10), (8, 10), (10, 10)]
+    expected = hashes(tmp_path / "one")
+    assert set(expected) == {"dataset.json", *(s.name for s in shards)}
+    with concurrent.futures.ThreadPoolExecutor(2) as executor:
+        dataset.write(there, tmp_path / "threads", count=10, shard_size=4, executor=executor)
+    dataset.write(there, tmp_path / "processes", count=10, shard_size=4, workers=2)
+    # Ended by its progress, then gone on with.
+    some = dataset.write(there, tmp_path / "ended", count=10, shard_size=4, progress=lambda done, _: done < 4)
+    assert [s.name for s in some] == ["shard-000000.tar"]
+    before = some[0].stat().st_mtime_ns
+    dataset.write(there, tmp_path / "ended", count=10, shard_size=4)
+    assert some[0].stat().st_mtime_ns == before, "what is there stays"
+    for folder in ("threads", "processes", "ended"):
+        assert hashes(tmp_path / folder) == expected, folder
+
+    pairs = Pairs(tmp_path / "one")
+    assert len(pairs) == 10
+    for index in (0, 5, 9):
+        pair = there.render(index)
+        assert np.array_equal(pairs[index].codes, pair.codes)
+        assert pairs[index].codes.dtype == np.uint16
+        assert np.array_equal(pairs[index].ideal, pair.ideal)
+        assert pairs[index].draw == pair.draw
+    assert pairs[-1].draw.index == 9
+    assert [p.draw.index for p in pairs[2:8:3]] == [2, 5]
+    assert [p.draw.index for p in pairs] == list(range(10))
+    with pytest.raises(IndexError, match="pair 10 of a set of 10"):
+        pairs[10]
+    again = pickle.loads(pickle.dumps(Pairs(tmp_path / "one", transform=dataclasses.astuple)))
+    assert np.array_equal(again[5][1], pairs[5].codes)
+    with tarfile.open(shards[0]) as archive:
+        assert archive.getnames()[:3] == ["000000000.codes.npy", "000000000.ideal.npy", "000000000.json"]
+
+
+def test_without_ideal_images_the_recipe_has_them(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    there = recipe(ideal)
+    (shard,) = dataset.write(there, tmp_path / "set", count=3, with_ideal=False)
+    with tarfile.open(shard) as archive:
+        assert not any("ideal" in name for name in archive.getnames())
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="holds no ideal images; give the recipe as scenes"):
+        Pairs(tmp_path / "set")
+    pairs = Pairs(tmp_path / "set", scenes=there)
+    assert all(np.array_equal(p.ideal, there.ideal(p.draw.scene)) for p in pairs)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="scenes are not those of"):
+        Pairs(tmp_path / "set", scenes=recipe(ideal, scenes=[ideal]))
+
+
+@pytest.fixture
+def recipe_file(ideal: npt.NDArray[np.float32], tmp_path: Path) -> Path:
+    np.save(tmp_path / "wall_0.npy", ideal)
+    np.save(tmp_path / "wall_1.npy", (ideal[:16] > 0.5).astype(np.uint16) * 65535)
+    given = {"scenes": ["wall_*.npy"], "cameras": CAMERAS, "effects": EFFECTS, "effects_per_image": [1, 2], "seed": 5}
+    file = tmp_path / "recipe.json"
+    file.write_text(json.dumps(given))
+    return file
+
+
+def command(file: Path, out: Path, *more: object) -> list[str]:
+    return [sys.executable, "-m", "clspeckle.dataset", str(file), "--out", str(out), *map(str, more)]
+
+
+def test_a_killed_run_goes_on(recipe_file: Path, tmp_path: Path) -> None:
+    """Killed as a whole, or a worker alone: no half shard, and the same bytes in the end."""
+    there = Recipe.from_file(recipe_file)
+    dataset.write(there, tmp_path / "expected", count=60, shard_size=5)
+    expected = hashes(tmp_path / "expected")
+    for victim in ("all", "worker"):
+        out = tmp_path / victim
+        run = subprocess.Popen(
+            command(recipe_file, out, "--count", 60, "--shard-size", 5, "--workers", 2),
+            stderr=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+        while not list(out.glob("*.part")):
+            assert run.poll() is None, run.stderr
+            time.sleep(0.01)
+        if victim == "all":
+            os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
+        else:
+            workers = [int(p.name) for p in Path("/proc").iterdir() if p.name.isdigit() and is_worker(p, run.pid)]
+            os.kill(workers[0], signal.SIGKILL)
+            told = run.communicate(timeout=120)[1]
+            assert run.returncode == 2, told
+            assert "a worker ended while it wrote shard-" in told
+            assert "the next call goes on" in told
+        whole = list(out.glob("shard-*.tar"))
+        assert len(whole) < 12
+        assert all(hashlib.sha256(f.read_bytes()).hexdigest() == expected[f.name] for f in whole)
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match="is not whole"):
+            Pairs(out)
+        done = subprocess.run(
+            command(recipe_file, out, "--count", 60, "--shard-size", 5), capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert f"{5 * len(whole)} of 60 pairs" in done.stderr.splitlines()[0]
+        assert "60 of 60 pairs" in done.stderr
+        assert hashes(out) == expected, victim
+
+
+def is_worker(process: Path, parent: int) -> bool:
+    try:
+        status = (process / "stat").read_text().rpartition(")")[2].split()
+        return int(status[1]) == parent and b"spawn_main" in (process / "cmdline").read_bytes()
+    except OSError:
+        return False
+
+
+def test_a_cluster_makes_the_same_bytes_though_a_worker_dies(recipe_file: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")  # listed in requirements.txt; missing, the count of skips fails
+    there = Recipe.from_file(recipe_file)
+    dataset.write(there, tmp_path / "expected", count=40, shard_size=2)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        killed: list[int] = []
+
+        def kill_one(done: int, _count: int) -> None:
+            if done >= 4 and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        dataset.write(
+            there, tmp_path / "set", count=40, shard_size=2, executor=client.get_executor(), progress=kill_one
+        )
+    assert killed
+    assert hashes(tmp_path / "set") == hashes(tmp_path / "expected")
+
+
+def test_a_full_disk_leaves_no_half_shard(
+    ideal: npt.NDArray[np.float32], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add = shard_files._add
+    calls: list[str] = []
+
+    def full(archive: tarfile.TarFile, name: str, data: bytes) -> None:
+        calls.append(name)
+        if len(calls) == 8:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        add(archive, name, data)
+
+    monkeypatch.setattr(shard_files, "_add", full)
+    with pytest.raises(OSError, match=r"no space left for shard-000001.tar; finished shards stay"):
+        dataset.write(recipe(ideal), tmp_path / "set", count=4, shard_size=2)
+    assert sorted(file.name for file in (tmp_path / "set").iterdir()) == ["dataset.json", "shard-000000.tar"]
+    dataset.write(recipe(ideal), tmp_path / "set", count=4, shard_size=2)
+    assert len(Pairs(tmp_path / "set")) == 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scenes": []}, "scenes is empty"),
+        ({"scenes": "wall.npy"}, "expected a list of arrays or .npy files"),
+        ({"scenes": [np.zeros((4, 4, 3), np.float32)]}, r"scenes\[0\] has shape \(4, 4, 3\)"),
+        ({"scenes": [np.full((4, 4), -1.0)]}, "negative or not finite"),
+        ({"scenes": [np.zeros((4, 4), np.int64)]}, "has dtype int64; expected float32"),
+        ({"cameras": []}, "cameras is empty"),
+        ({"cameras": [{"f_numbre": 4}]}, r"cameras\[0\] has no parameter 'f_numbre'.*f_number"),
+        ({"cameras": [{"seed": 4}]}, "has seed, which the recipe draws"),
+        ({"cameras": [{"f_number": [8, 2.8]}]}, r"cameras\[0\].f_number is \[8, 2.8\]; expected \[low, high\]"),
+        ({"cameras": [{"f_number": {"log": [0, 8]}}]}, "logarithms need numbers above 0"),
+        ({"cameras": [{"f_number": {"normal": [4, 1]}}]}, r'expected one of \{"uniform"'),
+        ({"effects": "defocus"}, "expected ids with ranges"),
+        ({"effects": ["defokus"]}, "there is no effect 'defokus'.*defocus"),
+        ({"effects": {"defocus": {"wave": 1}}}, "the effect defocus has no parameter 'wave'"),
+        ({"effects": {"adc_bits": {"bits": [6.5, 8]}}}, "expected .* of whole numbers"),
+        ({"effects": ["defocus"]}, "effects_per_image is .*no more than the 1 effects"),
+        ({"effects_per_image": (3, 1)}, "the first no more than the second"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_what_is_no_recipe_is_refused(ideal: npt.NDArray[np.float32], changes: dict[str, Any], message: str) -> None:
+    with pytest.raises((clspeckle.errors.InvalidArgumentError, TypeError, ValueError), match=message):
+        recipe(ideal, **changes)
+
+
+def test_what_does_not_go_together_names_the_pair(ideal: npt.NDArray[np.float32]) -> None:
+    there = recipe(ideal, effects=["wavelength_shift"], effects_per_image=(1, 1))
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"pair 3 .*needs a pipeline with dots"):
+        there.render(3)
+
+
+def test_a_folder_is_of_one_set(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    dataset.write(recipe(ideal), tmp_path, count=2)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="holds another set: its recipe differ"):
+        dataset.write(recipe(ideal, seed=12), tmp_path, count=2)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="its count differ"):
+        dataset.write(recipe(ideal), tmp_path, count=3)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="expected at least 1 of each"):
+        dataset.write(recipe(ideal), tmp_path, count=0)
+    (tmp_path / "shard-000000.tar").unlink()
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="1 of 1 shards are missing"):
+        Pairs(tmp_path)
+    (tmp_path / "dataset.json").write_text("{}")
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="is no description of a set"):
+        Pairs(tmp_path)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"expected what clspeckle.dataset.write\(\) makes"):
+        Pairs(tmp_path / "nowhere")
+
+
+def test_recipes_in_files(recipe_file: Path, tmp_path: Path) -> None:
+    there = Recipe.from_file(recipe_file)
+    assert there.ideal(1).max() == 1, "integers are divided by their top code"
+    assert dataclasses.replace(there.draw(0)).index == 0
+    for text, message in (
+        ('{"scenes": ["wall_0.npy"], "efects": {}}', "has no member 'efects'.*effects"),
+        ('{"scenes": ["none_*.npy"], "effects": []}', "no file is called 'none_"),
+        ("[1]", "expected an object"),
+        ("{", "recipe.json: "),
+    ):
+        recipe_file.write_text(text)
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match=message):
+            Recipe.from_file(recipe_file)
+    recipe_file.write_text('{"scenes": ["none.npy"], "effects": ["prnu"], "effects_per_image": [1, 1]}')
+    done = subprocess.run(
+        command(recipe_file, tmp_path / "out", "--count", 1), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "none.npy" in done.stderr
+    assert "expected an image as .npy" in done.stderr
