@@ -82,7 +82,7 @@ struct Codes {
     std::uint32_t largest = 0;
     double full_scale = 0;                                    // of files that say it
     std::map<std::string, std::vector<std::string>> warnings; // of files, by what is said of them
-    std::set<std::string> of_byte_order;                      // of these
+    bool swapped_told = false;                                // their bytes look swapped, by their own reader
 };
 
 /** What an error about the frames adds: how else their files may be meant. */
@@ -126,14 +126,15 @@ std::string sequence_name(std::string text) {
     return text.substr(0, text.find_last_not_of("_-. ") + 1);
 }
 
-bool is_raw(const std::string &path) {
+/** .raw files, and PNM files with a layout that leaves out the bytes of a header. @param raw the layout. */
+bool is_raw(const std::string &path, const std::string &raw) {
     const image_io::Format *format = image_io::format_of_extension(path);
-    return format && format->name == "raw";
+    const auto layout = request_of("", raw).raw;
+    return format && (format->name == "raw" || (format->name == "PNM" && layout && layout->offset > 0));
 }
 
-/** @param raw of .raw files. */
 std::unique_ptr<image_io::Reader> open_frames(const std::string &path, const std::string &raw) {
-    return image_io::open(path, request_of("", is_raw(path) ? raw : ""));
+    return image_io::open(path, request_of("", is_raw(path, raw) ? raw : ""));
 }
 
 class Folder {
@@ -300,10 +301,14 @@ void read_frames(Found &found, const std::string &raw, Codes &codes, const std::
         const image_io::Info &info = reader->info();
         if (const std::string why = image_io::why_no_codes(info, found.file); !why.empty())
             throw InputError(fmt::format("{}: {}", path, why));
-        for (const std::string &warning : info.warnings)
+        for (const std::string &warning : info.warnings) {
+            const bool swapped = warning == info.looks_swapped;
+            // The codes of all sequences together tell it of arrays, with the same way out.
+            if (swapped && info.format->codes == image_io::Codes::stacks)
+                continue;
             codes.warnings[warning].push_back(path);
-        if (!info.looks_swapped.empty())
-            codes.of_byte_order.insert(info.looks_swapped);
+            codes.swapped_told = codes.swapped_told || swapped;
+        }
         if (info.white_is_zero)
             codes.warnings[image_io::told_white(info) + ". If it is only marked so, save the frames as min-is-black"]
                 .push_back(path);
@@ -571,13 +576,13 @@ void warn_of_files(const std::vector<Found> &sequences, const Codes &codes, Cons
     std::string names;
     for (const std::size_t i : swapped.which)
         names += (names.empty() ? "" : ", ") + sequences[i].name;
-    if (!names.empty())
+    // Files that say so themselves know how they are read in the other order.
+    if (!names.empty() && !codes.swapped_told)
         console.warn(fmt::format("{}: the codes {}. If so, save codes.byteswap(), and write capture.json again with "
                                  "--force: its numbers are those of swapped codes",
                                  names, image_io::detail::told_swapped(swapped.bits)));
     for (const auto &[warning, paths] : codes.warnings)
-        if (names.empty() || codes.of_byte_order.count(warning) == 0)
-            console.warn(fmt::format("{}: {}", named(paths), warning));
+        console.warn(fmt::format("{}: {}", named(paths), warning));
 }
 
 } // namespace
@@ -648,7 +653,7 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
             entry["exposure_ms"] = *found.exposure_ms;
         if (!found.mask.empty())
             entry["mask"] = found.mask;
-        if (is_raw(found.paths.front()))
+        if (is_raw(found.paths.front(), a.raw))
             entry["raw"] = a.raw;
         if (found.laser() && !found.motion_named)
             notes.add(fmt::format("/sequences/{}/motion", root["sequences"].size()), motion,

@@ -141,13 +141,12 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
     std::vector<CaptureWarning> warnings = capture.warnings;
     warn_of_dots(capture.layout, warnings);
     if (auto swapped = swapped_bytes(capture.layout, scans)) {
-        // Their files may say so, each for itself.
-        warnings.erase(std::remove_if(warnings.begin(), warnings.end(),
-                                      [](const CaptureWarning &warning) { return warning.kind == kSwappedBytes; }),
-                       warnings.end());
         for (const SequenceLayout &sequence : capture.layout.sequences)
             warn_of_pupil(capture.layout, sequence, warnings);
-        warnings.push_back(std::move(*swapped));
+        // Files that say so themselves know how they are read in the other order.
+        if (std::none_of(warnings.begin(), warnings.end(),
+                         [](const CaptureWarning &warning) { return warning.kind == kSwappedBytes; }))
+            warnings.push_back(std::move(*swapped));
         return warnings;
     }
     // A data sheet may say 0, or the noise of another gain.

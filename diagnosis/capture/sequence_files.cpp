@@ -214,10 +214,14 @@ std::vector<FileOddity> SequenceFiles::oddities() const {
     std::map<std::string, FileOddity> oddities; // by what is said of them
     for (const Part &part : parts_)
         for (const std::string &warning : part.info.warnings) {
+            const bool swapped = warning == part.info.looks_swapped;
+            // The codes of all sequences together tell it of arrays, with the same way out.
+            if (swapped && part.info.format->codes == image_io::Codes::stacks)
+                continue;
             FileOddity &one = oddities[warning];
             one.text = warning;
             one.files.push_back(part.path);
-            if (warning == part.info.looks_swapped)
+            if (swapped)
                 one.kind = kSwappedBytes;
         }
     for (auto &[warning, one] : oddities)

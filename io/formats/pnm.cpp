@@ -169,16 +169,17 @@ class PnmReader final : public Reader {
 
     static std::uint32_t swapped(std::uint32_t value) { return (value & 255) << 8 | value >> 8; }
 
-    static std::string raw_words(const Image &image, std::uint32_t bits) {
-        return fmt::format("{}x{},{},unpacked,little,{}", image.width, image.height, bits, image.offset);
+    static std::string as_raw_words(const Image &image, std::uint32_t bits) {
+        return fmt::format("read its pixels as raw words: --raw {0} (in capture.json \"raw\": \"{0}\")",
+                           fmt::format("{}x{},{},unpacked,little,{}", image.width, image.height, bits, image.offset));
     }
 
     std::string advice_if_swapped(const Image &image, std::uint32_t value) const {
         if (image.is_text() || image.sample_bytes() != 2 || info_.channels != 1 || swapped(value) > image.maximum)
             return "; the file is damaged, or its header is wrong: write it again";
         return fmt::format("; with its bytes swapped it would be {}: PNM words are big-endian, these look "
-                           "little-endian. Write the file again, or read its pixels as raw words: --raw {}",
-                           swapped(value), raw_words(image, detail::enough_bits(image.maximum)));
+                           "little-endian. Write the file again, or {}",
+                           swapped(value), as_raw_words(image, detail::enough_bits(image.maximum)));
     }
 
     /** A header with 65535 takes any word. */
@@ -197,8 +198,8 @@ class PnmReader final : public Reader {
             return;
         info_.looks_swapped =
             fmt::format("its words look little-endian, though PNM is big-endian: with their bytes swapped none needs "
-                        "more than {} bits. If so, read its pixels as raw words: --raw {}",
-                        bits, raw_words(image, bits));
+                        "more than {} bits. If so, {}",
+                        bits, as_raw_words(image, bits));
         info_.warnings.push_back(info_.looks_swapped);
     }
 

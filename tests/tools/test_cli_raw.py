@@ -150,3 +150,13 @@ def test_little_endian_pgm_files_of_a_capture(ok, refused, tmp_path: Path) -> No
     summary = ok("capture", "check", "set", "--json", "-").json()
     told = [warning["text"] for warning in summary["warnings"] if "little-endian" in warning["text"]]
     assert len(told) == 1 and "dark_0.pgm and 2 more of the sequence" in told[0]
+    assert {warning["kind"] for warning in summary["warnings"]} == {"no_laser", "swapped_bytes"}
+    assert raw in told[0] and f'"raw": "{raw}"' in told[0]
+    # init tells the same, and its option does what the message says.
+    told_by_init = ok("capture", "init", "set", "--force").err
+    assert told_by_init.count("little-endian") == 1 and f"--raw {raw}" in told_by_init and "byteswap" not in told_by_init
+    assert "little-endian" not in ok("capture", "init", "set", "--force", "--raw", raw).err
+    written = json.loads((tmp_path / "set" / "capture.json").read_text())
+    assert written["camera"]["bits"] == 10 and written["sequences"][0]["raw"] == raw
+    again = ok("capture", "check", "set", "--json", "-").json()["warnings"]
+    assert {warning["kind"] for warning in again} <= {"no_laser"}
