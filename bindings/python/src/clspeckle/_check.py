@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _doubts, _library, errors
+from . import _doubts, _library, _tensor, errors
 
 FLOAT32_EXACT_INTEGER = 2**24
 """Integers up to here are exact in single precision."""
@@ -131,8 +131,8 @@ def array(value: Any, name: str) -> npt.NDArray[Any]:
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(f"{name} is a masked array, whose mask would be lost; fill it first (value.filled(0))")
     try:
-        result = np.asarray(value)
-    except (TypeError, ValueError) as error:
+        result = _tensor.as_array(value, name) if _tensor.is_tensor(value) else np.asarray(value)
+    except (TypeError, ValueError, BufferError, RuntimeError) as error:
         raise TypeError(f"{name} cannot be made an array: {error}") from None
     if result.dtype.hasobject:
         raise TypeError(f"{name} must be an array of numbers, got {kind(value)}")

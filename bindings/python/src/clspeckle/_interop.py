@@ -37,6 +37,14 @@ class SupportsOpenCLArray(Protocol):
     def strides(self) -> Any: ...
 
 
+class SupportsDLPack(Protocol):
+    """A tensor of PyTorch, JAX, CuPy and others."""
+
+    def __dlpack__(self, **options: Any) -> Any: ...
+
+    def __dlpack_device__(self) -> tuple[int, int]: ...
+
+
 OpenCLHandle = Union[SupportsIntPtr, int]
 """A PyOpenCL object, or the address of an OpenCL object as an integer."""
 

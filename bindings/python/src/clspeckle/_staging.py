@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from . import _check, _interop, _library
 from ._handle import Handle, create, exclusive
-from ._interop import EventLike, SupportsIntPtr, SupportsOpenCLArray, WaitList, enqueue
+from ._interop import EventLike, SupportsDLPack, SupportsIntPtr, SupportsOpenCLArray, WaitList, enqueue
 from .runtime import (
     FLOAT32,
     UINT8,
@@ -31,8 +31,8 @@ DeviceImageLike = Union[DeviceImage, Buffer, SupportsIntPtr, SupportsOpenCLArray
 """A :class:`DeviceImage`, a ``pyopencl.array.Array``, or a bare Buffer (ours or PyOpenCL's) that holds the image
 tightly packed in the size and format that the argument has by default."""
 
-ImageLike = Union[npt.ArrayLike, DeviceImageLike]
-"""Host or device image."""
+ImageLike = Union[npt.ArrayLike, SupportsDLPack, DeviceImageLike]
+"""Host or device image, or a tensor."""
 
 HostCheck = Callable[[Any, str, tuple[int, int]], npt.NDArray[Any]]
 """Makes an argument (value, name, shape) an array, or says what is wrong with it."""
@@ -68,7 +68,7 @@ def device_image(value: Any, name: str, shape: tuple[int, ...], default: Format,
     refuse_handle(value, name)
     raise TypeError(
         f"{name} must be an image in device memory (DeviceImage, pyopencl array or buffer), got {_check.kind(value)}; "
-        "DeviceImage.from_array() copies an array there"
+        "DeviceImage.from_array() copies an array there, and DeviceImage.from_dlpack() takes a tensor"
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _interop, _library, errors
+from . import _check, _interop, _library, _tensor, errors
 from ._handle import Handle, create
 from ._interop import Event, EventLike, OpenCLHandle, SupportsIntPtr, SupportsOpenCLArray, enqueue
 
@@ -466,6 +466,14 @@ class Buffer(Handle):
         self.size_bytes = size
         self._adopt(create("clspBufferCreate", self.context._get(), size))
 
+    @classmethod
+    def _on_host(cls, array: npt.NDArray[Any], size_bytes: int, context: Context) -> Buffer:
+        """A buffer on the memory of an array."""
+        self = cls.__new__(cls)
+        self.context, self.size_bytes = context, size_bytes
+        self._adopt(_tensor.host_buffer(context.info().opencl_context, array, size_bytes))
+        return self
+
     @property
     def int_ptr(self) -> int:
         """cl_mem as an integer (``pyopencl.Buffer.from_int_ptr``); still owned by this object."""
@@ -610,6 +618,16 @@ def find_format(shape: tuple[int, ...], dtype: npt.DTypeLike, name: str) -> Form
     raise errors.InvalidFormatError(f"{name} has dtype {kind} and shape {tuple(shape)}, expected {_FORMATS_TEXT}")
 
 
+def _pitch(shape: tuple[int, ...], strides: Sequence[int], pixel: Format) -> int | None:
+    """From one row to the next; None if the pixels of a row, or the rows, do not lie as in an image."""
+    # Strides along an axis of one element mean nothing.
+    packed = shape[1] == 1 or strides[1] == pixel.pixel_bytes
+    packed = packed and (len(shape) == 2 or strides[2] == pixel.component_bytes)
+    row = shape[1] * pixel.pixel_bytes
+    pitch = row if shape[0] == 1 else strides[0]
+    return pitch if packed and pitch >= row else None
+
+
 class DeviceImage:
     """An image in device memory: memory of its own, or a view of somebody else's buffer.
 
@@ -671,6 +689,79 @@ class DeviceImage:
         return image
 
     @classmethod
+    def from_dlpack(cls, tensor: Any, *, context: Context | None = None) -> DeviceImage:
+        """An image on the memory of a tensor (PyTorch, JAX, CuPy, NumPy: all that speaks DLPack), or a copy of it.
+
+        On a CPU's context a tensor in host memory is not copied: what is written to one is seen in the other. Its
+        rows must be tightly packed in themselves, and it must be writeable. Else it is copied, as by
+        :meth:`from_array`; the logger "clspeckle" says why at the level INFO. OpenCL shares no memory with CUDA, ROCm
+        and the like.
+
+        Args:
+            tensor: one of the class's dtypes and shapes. A PyTorch tensor must not require a gradient.
+            context: None for :func:`default_context`.
+
+        ``np.from_dlpack(image)``, ``torch.from_dlpack(image)`` and so on go the other way: without a copy from a CPU's
+        context. The commands of its queue are waited for; what other queues still write to the image is not.
+        """
+        view = _check.array(tensor, "tensor")
+        pixel = find_format(view.shape, view.dtype, "tensor")
+        context = resolve_context(context)
+        pitch = _pitch(view.shape, view.strides, pixel)
+        if not _tensor.on_cpu(context.info().opencl_device):
+            why = "OpenCL's device is no CPU"
+        elif not view.flags.writeable:
+            why = "it is read-only"
+        elif pitch is None or view.size == 0:
+            why = "its pixels do not lie next to each other"
+        elif _tensor.is_tensor(tensor) and tensor.__dlpack_device__()[0] != _tensor.CPU:
+            why = "it is not in the host's memory"
+        else:
+            memory = Buffer._on_host(view, pitch * (view.shape[0] - 1) + view.shape[1] * pixel.pixel_bytes, context)
+            self = cls.__new__(cls)
+            self._set_up(memory, view.shape, view.dtype, pixel, 0, pitch, context)
+            self._owned = memory
+            return self
+        logging.getLogger("clspeckle").info("the tensor is copied: %s", why)
+        return cls.from_array(view, context=context)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return _tensor.CPU, 0
+
+    def __dlpack__(
+        self,
+        *,
+        stream: Any = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        if stream is not None or (dl_device is not None and tuple(dl_device) != (_tensor.CPU, 0)):
+            raise BufferError("a DeviceImage becomes a tensor of the host alone: no stream, and the device (1, 0)")
+        context = resolve_context(self.context)
+        shared = _tensor.on_cpu(context.info().opencl_device)
+        if copy is False and not shared:
+            raise BufferError("this image is not in the host's memory and cannot be looked at without a copy")
+        if copy or not shared:
+            if not shared:
+                logging.getLogger("clspeckle").info("the image is copied: OpenCL's device is no CPU")
+            array = self.read()
+        else:
+            wait(self._pending())
+            span = self.pitch_bytes * (self.height - 1) + self._row_bytes
+            memory = self.memory if hasattr(self.memory, "int_ptr") else self
+            view = _tensor.mapped(self._queue(None), memory, self.offset_bytes, span)
+            array = self._array_on(view)
+        if max_version is None or tuple(int(n) for n in np.__version__.split(".")[:2]) < (2, 1):
+            return array.__dlpack__()
+        return array.__dlpack__(max_version=max_version)
+
+    def _array_on(self, memory: Any) -> npt.NDArray[Any]:
+        """Host memory that begins with the first pixel, as an array."""
+        strides: tuple[int, ...] = (self.pitch_bytes, self.format.pixel_bytes, self.format.component_bytes)
+        return np.ndarray(self.shape, self.dtype, memory, strides=strides[: len(self.shape)])
+
+    @classmethod
     def wrap(
         cls,
         memory: Buffer | SupportsIntPtr | SupportsOpenCLArray | int,
@@ -724,12 +815,8 @@ class DeviceImage:
         pixel = find_format(shape, dtype, "the pyopencl array")
         if 0 in shape:
             raise errors.InvalidArgumentError(f"the pyopencl array has no pixels (shape {shape})")
-        # Strides along an axis of one element mean nothing.
-        packed = shape[1] == 1 or strides[1] == pixel.pixel_bytes
-        packed = packed and (len(shape) == 2 or strides[2] == pixel.component_bytes)
-        row = shape[1] * pixel.pixel_bytes
-        pitch = row if shape[0] == 1 else strides[0]
-        if not packed or pitch < row:
+        pitch = _pitch(shape, strides, pixel)
+        if pitch is None:
             raise errors.InvalidFormatError(
                 f"the pyopencl array of shape {shape} and dtype {dtype} has strides {tuple(strides)}; the pixels of a "
                 "row must lie next to each other and the rows below each other (use array.copy())"
@@ -880,9 +967,7 @@ class DeviceImage:
             kept=(target, self.memory),
         ).wait()
         if not direct:
-            strides: tuple[int, ...] = (self.pitch_bytes, self.format.pixel_bytes, self.format.component_bytes)
-            view = np.ndarray(self.shape, self.dtype, target, strides=strides[: len(self.shape)])
-            out[...] = view
+            out[...] = self._array_on(target)
         return out
 
     def enqueue_read(

@@ -1,0 +1,201 @@
+"""Tensors of other packages: what speaks DLPack goes in and out, without a copy where OpenCL's device is the CPU."""
+
+from __future__ import annotations
+
+import gc
+import logging
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import clspeckle
+from binding_common import SHAPE
+from clspeckle import _tensor
+
+
+class Tensor:
+    """Speaks DLPack and nothing else, as a package that is not NumPy does."""
+
+    def __init__(self, array: npt.NDArray[Any]) -> None:
+        self._array = array
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return 1, 0
+
+    def __dlpack__(self, **options: Any) -> Any:
+        return self._array.__dlpack__(**options)
+
+
+class OnGpu(Tensor):
+    """Its memory is another device's."""
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return 2, 0
+
+    def __dlpack__(self, **options: Any) -> Any:
+        raise BufferError("this memory is a GPU's")
+
+
+class OfPyTorch(OnGpu):
+    def cpu(self) -> Tensor:
+        return Tensor(self._array)
+
+
+class OfCuPy(OnGpu):
+    def get(self) -> npt.NDArray[Any]:
+        return self._array
+
+
+class OfJax(OnGpu):
+    def __array__(self, dtype: Any = None, copy: Any = None) -> npt.NDArray[Any]:
+        return self._array
+
+
+def address(array: npt.NDArray[Any]) -> int:
+    return array.ctypes.data
+
+
+@pytest.fixture
+def shares(context: clspeckle.Context) -> bool:
+    """Whether the device's memory is the host's."""
+    device = next(d for d in clspeckle.devices() if d.device_id == context.info().opencl_device)
+    return "cpu" in device.type
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint16, np.uint8, np.uint32, np.complex64])
+def test_a_round_trip_copies_nothing(context: clspeckle.Context, shares: bool, dtype: Any) -> None:
+    source = (np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE) % 251).astype(dtype)
+    image = clspeckle.DeviceImage.from_dlpack(Tensor(source), context=context)
+    back = np.from_dlpack(image)
+    assert np.array_equal(back, source)
+    assert (address(back) == address(source)) is shares
+    if shares:
+        source[3, 5] = 77
+        assert back[3, 5] == image.read()[3, 5] == 77
+        image.write(np.ones(SHAPE, dtype))
+        assert (source == 1).all()
+
+
+def test_rows_that_lie_apart_and_channels(context: clspeckle.Context, shares: bool) -> None:
+    whole = np.arange(6 * 10 * 3, dtype=np.float32).reshape(6, 10, 3)
+    for part in (whole[:, 2:7], whole[1:5, :, :], whole[2:3]):
+        image = clspeckle.DeviceImage.from_dlpack(part, context=context)
+        back = np.from_dlpack(image)
+        assert np.array_equal(back, part)
+        assert (address(back) == address(part)) is shares
+
+
+def test_frames_go_from_tensor_to_tensor(
+    context: clspeckle.Context, camera: clspeckle.Pipeline, ideal: npt.NDArray[np.float32]
+) -> None:
+    """Into the caller's memory on a CPU; the same codes as by NumPy everywhere."""
+    expected = camera.render(ideal, frame_index=0, refresh="all")
+    source = clspeckle.DeviceImage.from_dlpack(Tensor(ideal.copy()), context=context)
+    codes = np.zeros(SHAPE, np.uint16)
+    target = clspeckle.DeviceImage.from_dlpack(Tensor(codes), context=context)
+    camera.enqueue_frame(source, target, frame_index=0, refresh="all").wait()
+    assert np.array_equal(np.from_dlpack(target), expected)
+    assert np.array_equal(camera.render(Tensor(ideal.copy()), frame_index=0, refresh="all"), expected)
+
+
+@pytest.mark.parametrize("kind", [OfPyTorch, OfCuPy, OfJax])
+def test_a_tensor_on_another_device_is_copied_and_the_log_says_so(
+    kind: type[OnGpu],
+    context: clspeckle.Context,
+    camera: clspeckle.Pipeline,
+    ideal: npt.NDArray[np.float32],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    expected = camera.render(ideal, frame_index=0, refresh="all")
+    tensor = kind(ideal.copy())
+    with caplog.at_level(logging.INFO, "clspeckle"):
+        assert np.array_equal(camera.render(tensor, frame_index=0, refresh="all"), expected)
+    assert any("is a tensor on another device" in text and "is copied" in text for text in caplog.messages)
+    caplog.clear()
+    with caplog.at_level(logging.INFO, "clspeckle"):
+        image = clspeckle.DeviceImage.from_dlpack(tensor, context=context)
+    assert any(text.startswith("the tensor is copied") for text in caplog.messages)
+    image.write(np.zeros(SHAPE, np.float32))
+    assert np.array_equal(tensor._array, ideal), "what was copied must not be written to"
+
+
+def test_what_cannot_be_shared_is_copied_and_the_log_says_why(
+    context: clspeckle.Context, ideal: npt.NDArray[np.float32], shares: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    turned = np.asfortranarray(np.arange(12, dtype=np.float32).reshape(3, 4))
+    for given, why in ((ideal, "read-only"), (turned, "next to each other"), (turned[::-1], "next to each other")):
+        caplog.clear()
+        with caplog.at_level(logging.INFO, "clspeckle"):
+            image = clspeckle.DeviceImage.from_dlpack(given, context=context)
+        assert (why in caplog.text) is shares or "no CPU" in caplog.text
+        assert np.array_equal(np.from_dlpack(image), given)
+
+
+def test_numbers_mean_what_those_of_numpy_mean(camera: clspeckle.Pipeline) -> None:
+    """uint8 and uint16 are divided by their top code; what NumPy's arrays are refused for, tensors are."""
+    codes = np.random.default_rng(1).integers(0, 256, SHAPE).astype(np.uint8)
+    expected = camera.render(codes / 255, frame_index=0, refresh="all")
+    for same in (codes, codes.astype(np.uint16) * 257):
+        assert np.array_equal(camera.render(Tensor(same), frame_index=0, refresh="all"), expected)
+    colors = np.random.default_rng(2).random((*SHAPE, 3))
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="shape"):
+        camera.render(codes / 255, refresh=Tensor(colors > 0.5))
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"np\.moveaxis"):
+        camera.render(Tensor(np.moveaxis(colors, -1, 0)[None]))
+    with pytest.raises(TypeError, match="this memory is a GPU's"):
+        camera.render(type("Mute", (Tensor,), {"__dlpack__": OnGpu.__dlpack__})(codes))
+
+
+def test_images_of_codes_are_no_light(context: clspeckle.Context, camera: clspeckle.Pipeline) -> None:
+    """Device memory has no full scale: it is refused, and not divided."""
+    for dtype in (np.uint8, np.uint16):
+        image = clspeckle.DeviceImage.from_dlpack(np.ones(SHAPE, dtype), context=context)
+        with pytest.raises(clspeckle.errors.InvalidFormatError):
+            camera.render(image)
+    for wrong in (np.ones((*SHAPE, 3), np.uint8), np.ones(SHAPE, np.float64)):
+        with pytest.raises(clspeckle.errors.InvalidFormatError, match="expected bool, uint8"):
+            clspeckle.DeviceImage.from_dlpack(Tensor(wrong), context=context)
+
+
+def test_asynchronous_calls_say_how_a_tensor_goes_in(
+    context: clspeckle.Context, camera: clspeckle.Pipeline, ideal: npt.NDArray[np.float32]
+) -> None:
+    target = clspeckle.DeviceImage(SHAPE, np.uint16, context=context)
+    with pytest.raises(TypeError, match=r"DeviceImage\.from_dlpack\(\) takes a tensor"):
+        camera.enqueue_frame(Tensor(ideal.copy()), target)  # type: ignore[arg-type]
+
+
+def test_what_is_exported_lives_as_long_as_it_is_used(context: clspeckle.Context, shares: bool) -> None:
+    before = len(_tensor._used)
+    image = clspeckle.DeviceImage.from_dlpack(np.full(SHAPE, 3, np.float32), context=context)
+    assert len(_tensor._used) == before + shares
+    view = np.from_dlpack(image)
+    del image
+    gc.collect()
+    assert (view == 3).all()
+    del view
+    gc.collect()
+    context.queue.finish()
+    assert len(_tensor._used) == before, "the memory is kept for ever"
+
+
+def test_what_no_exporter_can_do_is_refused(context: clspeckle.Context) -> None:
+    image = clspeckle.DeviceImage.from_array(np.ones(SHAPE, np.float32), context=context)
+    assert image.__dlpack_device__() == (1, 0)
+    with pytest.raises(BufferError, match=r"the device \(1, 0\)"):
+        image.__dlpack__(dl_device=(2, 0))
+    with pytest.raises(BufferError, match="no stream"):
+        image.__dlpack__(stream=1)
+    copied = np.from_dlpack(type("Copied", (), {
+        "__dlpack_device__": image.__dlpack_device__, "__dlpack__": lambda self, **o: image.__dlpack__(copy=True)
+    })())  # fmt: skip
+    image.write(np.zeros(SHAPE, np.float32))
+    assert (copied == 1).all()
+
+
+def test_an_array_interface_is_enough(camera: clspeckle.Pipeline, ideal: npt.NDArray[np.float32]) -> None:
+    interface = type("Interface", (), {"__array_interface__": ideal.__array_interface__})()
+    expected = camera.render(ideal, frame_index=0, refresh="all")
+    assert np.array_equal(camera.render(interface, frame_index=0, refresh="all"), expected)
