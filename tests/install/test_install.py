@@ -103,6 +103,56 @@ def test_pkg_config(compiler: str, standard: str, source: str, libdir: Path, exp
     assert run("pkg-config", "--modversion", "clspeckle", env=path).strip() == release()[0]
 
 
+@pytest.fixture(scope="module")
+def static_prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The static library alone, installed; compiled alike, for a compiler cache."""
+    build, folder = tmp_path_factory.mktemp("static_build"), tmp_path_factory.mktemp("static")
+    parts = [f"-DCLSP_BUILD_{part}=OFF" for part in ("TOOLS", "EXAMPLES", "TESTS", "BENCH")]
+    configure(ROOT, build, "-DBUILD_SHARED_LIBS=OFF", "-DCMAKE_BUILD_TYPE=Release", "-DCLSP_WARNINGS_AS_ERRORS=ON",
+              *parts)  # fmt: skip
+    run("cmake", "--build", build, "--parallel", "2")
+    run("cmake", "--install", build, "--prefix", folder)
+    return folder
+
+
+def stands_alone(program: Path, expected: str) -> None:
+    assert "libclspeckle" not in run("readelf", "-d", program)
+    assert checksum(program) == expected
+
+
+def test_static_library_by_cmake(static_prefix: Path, expected: str, tmp_path: Path) -> None:
+    assert not list(static_prefix.rglob("*.so*"))
+    configure(HERE / "find_package", tmp_path, f"-DCMAKE_PREFIX_PATH={static_prefix}")
+    run("cmake", "--build", tmp_path)
+    for program in ("consumer_c", "consumer_cpp"):
+        stands_alone(tmp_path / program, expected)
+
+
+def test_static_library_in_a_project_of_c_alone(static_prefix: Path, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.22)\nproject(consumer LANGUAGES C)\nfind_package(clspeckle REQUIRED)\n"
+        f"add_executable(consumer {HERE / 'consumer.c'})\ntarget_link_libraries(consumer clspeckle::clspeckle)\n"
+    )
+    build = tmp_path / "build"
+    run("cmake", "-S", tmp_path, "-B", build, f"-DCMAKE_C_COMPILER={CC}", f"-DCMAKE_PREFIX_PATH={static_prefix}")
+    run("cmake", "--build", build)
+    stands_alone(build / "consumer", expected)
+
+
+def test_static_library_by_pkg_config(static_prefix: Path, expected: str, tmp_path: Path) -> None:
+    path = {"PKG_CONFIG_PATH": str(next(static_prefix.rglob("clspeckle.pc")).parent)}
+    flags = run("pkg-config", "--static", "--cflags", "--libs", "clspeckle", env=path).split()
+    run(CC, "-std=c99", *STRICT, HERE / "consumer.c", *flags, "-o", tmp_path / "consumer")
+    stands_alone(tmp_path / "consumer", expected)
+
+
+def test_tests_of_a_static_library_are_refused(tmp_path: Path) -> None:
+    command = ["cmake", "-S", ROOT, "-B", tmp_path, "-DBUILD_SHARED_LIBS=OFF", "-DCLSP_BUILD_TESTS=ON"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "-DCLSP_BUILD_TESTS=OFF" in done.stderr
+
+
 @pytest.mark.parametrize("way", ["add_subdirectory", "fetch_content"])
 def test_part_of_another_build(way: str, expected: str, tmp_path: Path) -> None:
     # The library's own flags are those of its own build, so that a compiler cache need not compile it again.
