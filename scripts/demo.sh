@@ -1,16 +1,30 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, renders the office desk sequence on the best OpenCL device, and draws a figure.
+# Renders the office desk sequence on the best OpenCL device and draws a figure. Takes the program that is built here or installed as a
+# package; else installs what is missing and builds it, without tests, benchmarks and examples.
 # usage: scripts/demo.sh [OUTPUT_FOLDER]      (default: demo-output)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 output="${1:-demo-output}"
 export POCL_AFFINITY=1
-scripts/setup.sh build
-scripts/build.sh -DCLSP_BUILD_TESTS=OFF -DCLSP_BUILD_BENCH=OFF
-
+# An installed program of another release may not know what is asked of it here.
+header=capi/include/clspeckle/types.h
+release="$(sed -n 's/^#define CLSP_VERSION_[A-Z]* \([0-9]*\).*/\1/p' "$header" | paste -sd.)"
 program=build/bin/clspeckle
+python=
+if [ ! -x "$program" ] && clspeckle --version 2>/dev/null | grep -qF "$release"; then
+    program=clspeckle
+    for python in python3 .venv/bin/python; do
+        ! "$python" -c 'import matplotlib, numpy' 2>/dev/null || break
+        python=
+    done
+    [ -n "$python" ] || scripts/setup.sh figure
+else
+    scripts/setup.sh build
+    scripts/build.sh -DCLSP_BUILD_TESTS=OFF -DCLSP_BUILD_BENCH=OFF -DCLSP_BUILD_EXAMPLES=OFF
+fi
+python="${python:-.venv/bin/python}"
 office=examples/office/gbuffers
-cmake -E chdir "$office" cmake -E tar xf frames.tar.xz
+"$python" -m tarfile -e "$office/frames.tar.xz" "$office"
 
 echo
 echo "== devices"
@@ -26,4 +40,14 @@ echo "== its first frame without noise or sensor"
 "$program" render "$office/sequence.json" -o "$output/intensity" --degree-of-polarization 0 --frames 1 --no-sensor --format float-npy --no-preview --quiet
 
 echo
-.venv/bin/python examples/office/figure.py "$output" --figure "$output/office.png"
+"$python" examples/office/figure.py "$output" --figure "$output/office.png"
+
+cat <<END
+
+The figure is $output/office.png. To try next:
+    $program render $output/office/ideal_000000.npy -o wall --f-number 8 --seed 7 --exposure-gain auto    # more speckle
+    $program effects                                                                        # what a camera may do to a frame
+    $program capture make my-camera --effect defocus:waves=0.9 --width 128 --height 112   # a stand-in for your camera ...
+    $program diagnose my-camera --html report.html                                        # ... and what the simulator lacks
+Tutorials: docs/tutorials. Your own camera: docs/guide/captures.md.
+END

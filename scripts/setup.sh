@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what is missing: Debian packages (with sudo if need be) and a Python virtual environment in .venv.
-# usage: scripts/setup.sh build|test
+# usage: scripts/setup.sh figure|build|test     (figure: what scripts of figures need beside an installed program)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 level="${1:-build}"
@@ -8,8 +8,10 @@ level="${1:-build}"
 packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers
           pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega libspng-dev libtiff-dev
           libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
-if [ "$level" = test ]; then
-    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache doxygen)
+if [ "$level" = figure ]; then
+    packages=(pocl-opencl-icd python3 python3-venv)
+elif [ "$level" = test ]; then
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache doxygen mmdebstrap)
 fi
 
 missing=()
@@ -30,7 +32,8 @@ fi
 
 # A virtual environment whose making was interrupted has no pip.
 .venv/bin/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv; python3 -m venv .venv; }
-.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "scikit-build-core>=0.11" "numpy>=1.24" matplotlib
+.venv/bin/python -m pip install -q --disable-pip-version-check "pip>=23.1" "numpy>=1.24" matplotlib
+[ "$level" = figure ] || .venv/bin/python -m pip install -q --disable-pip-version-check "scikit-build-core>=0.11"
 if [ "$level" = test ]; then
     requirements=()
     for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt tests/install/requirements.txt docs/requirements.txt; do

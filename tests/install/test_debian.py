@@ -1,0 +1,116 @@
+"""The Debian packages: what each holds and asks for, and that programs are built and run with them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from install_common import BUILD, CC, HERE, ROOT, STRICT, checksum, release, run
+
+VERSION, ABI = release()
+LIBRARY, DEVELOPMENT, PROGRAM, PYTHON = f"libclspeckle{ABI}", "libclspeckle-dev", "clspeckle", "python3-clspeckle"
+
+
+@pytest.fixture(scope="module")
+def debs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The packages, by name."""
+    folder = tmp_path_factory.mktemp("debs")
+    run("cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake", "-B", folder)
+    return {path.name.split("_")[0]: path for path in folder.glob("*.deb")}
+
+
+@pytest.fixture(scope="module")
+def unpacked(debs: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("root")
+    for package in debs.values():
+        run("dpkg-deb", "-x", package, folder)
+    return folder
+
+
+def depends(package: Path) -> set[str]:
+    text = run("dpkg-deb", "-f", package, "Depends")
+    return {one.split("(")[0].strip() for group in text.split(",") for one in group.split("|")}
+
+
+def test_each_package_holds_its_part(debs: dict[str, Path]) -> None:
+    assert set(debs) == {LIBRARY, DEVELOPMENT, PROGRAM, PYTHON}
+    held: dict[str, str] = {}
+    for name, package in debs.items():
+        assert run("dpkg-deb", "-f", package, "Version").strip() == VERSION
+        for line in run("dpkg-deb", "-c", package).splitlines():
+            path = line.split()[5]
+            if not path.endswith("/"):
+                assert path not in held, f"{path} is in {held.get(path)} and {name}"
+                held[path] = name
+    for part, name in (
+        (f"libclspeckle.so.{VERSION}", LIBRARY),
+        (f"libclspeckle.so.{ABI}", LIBRARY),
+        ("/libclspeckle.so", DEVELOPMENT),
+        ("/clspeckle.h", DEVELOPMENT),
+        ("/clspeckle.hpp", DEVELOPMENT),
+        ("/clspeckle.pc", DEVELOPMENT),
+        ("/clspeckleConfig.cmake", DEVELOPMENT),
+        ("./usr/bin/clspeckle", PROGRAM),
+        ("/gap_check/__main__.py", PROGRAM),
+        ("/dist-packages/clspeckle/__init__.py", PYTHON),
+        ("/dist-packages/clspeckle/py.typed", PYTHON),
+        *((f"/doc/{name}/copyright", name) for name in debs),
+    ):
+        assert {owner for path, owner in held.items() if path.endswith(part)} == {name}, part
+
+
+def test_each_package_asks_for_what_it_needs(debs: dict[str, Path]) -> None:
+    assert {"libc6", "libclfft2", "libtiff6", "ocl-icd-libopencl1"} <= depends(debs[LIBRARY])
+    assert {LIBRARY, "ocl-icd-opencl-dev", "opencl-c-headers"} <= depends(debs[DEVELOPMENT])
+    assert {LIBRARY, "libc6", "libopenexr-3-1-30"} <= depends(debs[PROGRAM])
+    assert {LIBRARY, "python3", "python3-numpy"} == depends(debs[PYTHON])
+    for name in (LIBRARY, PROGRAM):
+        assert "pocl-opencl-icd" in run("dpkg-deb", "-f", debs[name], "Recommends")
+    control = run("dpkg-deb", "-I", debs[LIBRARY], "shlibs", "postinst")
+    assert f"libclspeckle {ABI} {LIBRARY}" in control
+    assert "ldconfig" in control
+
+
+def test_unpacked_packages_serve_c_python_and_the_shell(unpacked: Path, tmp_path: Path) -> None:
+    libdir = next(unpacked.rglob("libclspeckle.so")).parent
+    paths = {"LD_LIBRARY_PATH": str(libdir), "PKG_CONFIG_PATH": str(libdir / "pkgconfig")}
+    flags = run("pkg-config", "--cflags", "--libs", "clspeckle", env=paths).split()
+    run(CC, "-std=c99", *STRICT, HERE / "consumer.c", *flags, "-o", tmp_path / "consumer")
+    checksum(tmp_path / "consumer", **paths)
+    assert VERSION in run(unpacked / "usr" / "bin" / "clspeckle", "--version", env={"LD_LIBRARY_PATH": ""})
+    package = unpacked / "usr" / "lib" / "python3" / "dist-packages"
+    clean = {name: value for name, value in os.environ.items() if name != "CLSPECKLE_LIBRARY"}
+    code = "import clspeckle; print(clspeckle.__file__, clspeckle.version())"
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(
+        words, env={**clean, **paths, "PYTHONPATH": str(package)}, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == [str(package / "clspeckle" / "__init__.py"), VERSION], done.stderr
+
+
+@pytest.mark.nightly
+def test_packages_on_a_bare_system(debs: dict[str, Path], tmp_path: Path) -> None:
+    """apt brings what they ask for into an empty Debian; then C, Python and the shell each make a frame."""
+    root = tmp_path / "root"
+    files = " ".join(f"/debs/{package.name}" for package in debs.values())
+    steps = f"""
+        apt-get -q install -y {files} gcc libc6-dev pkg-config >/dev/null
+        cc -std=c99 /debs/consumer.c $(pkg-config --cflags --libs clspeckle) -o /debs/consumer
+        /debs/consumer
+        clspeckle --version
+        cd /debs && python3 -c 'import numpy, clspeckle; print(clspeckle.simulate(numpy.ones((48, 64)), seed=7).shape)'
+        clspeckle render /debs/sequence.json -o /debs/frames --frames 1 --quiet && ls /debs/frames
+    """
+    scene = ROOT / "examples" / "depth_map" / "gbuffers"
+    commands = [
+        'mkdir -p "$1/debs"',
+        *(f'cp -r {path} "$1/debs"' for path in (*debs.values(), HERE / "consumer.c", *scene.iterdir())),
+    ]
+    hooks = [f"--customize-hook={line}" for line in (*commands, f'chroot "$1" bash -euc "{steps}"')]
+    output = run("mmdebstrap", "--variant=apt", *hooks, "bookworm", root)
+    assert "checksum" in output
+    assert "(48, 64)" in output
+    assert VERSION in output
