@@ -1,10 +1,13 @@
 #include "clspeckle/aperture.h"
 
+#include "camera.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
 #include "handles.hpp"
 #include "stages/aperture.hpp"
 #include "texts.hpp"
+
+#include <string>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -51,6 +54,12 @@ ClspApertureDesc aperture_defaults() {
 
 } // namespace
 
+ApertureParameters clsp::capi::aperture_parameters(const ClspApertureDesc *user, const char *name) {
+    const ClspApertureDesc d = read_struct(user, aperture_defaults(), name);
+    check_reserved(d.reserved_blades, (std::string(name) + "->reserved_blades").c_str());
+    return from_c<ApertureParameters>(kFields, d);
+}
+
 extern "C" {
 
 CLSP_INIT(ApertureDesc, desc, aperture_defaults())
@@ -59,9 +68,7 @@ CLSP_API ClspStatus clspApertureCreate(ClspContext context, const ClspApertureDe
     return guarded("clspApertureCreate", [&] {
         const auto c = object(context);
         required(aperture, "aperture");
-        const ClspApertureDesc d = read_struct(desc, aperture_defaults(), "desc");
-        check_reserved(d.reserved_blades, "desc->reserved_blades");
-        give(aperture, std::make_shared<Aperture>(c, from_c<ApertureParameters>(kFields, d)));
+        give(aperture, std::make_shared<Aperture>(c, aperture_parameters(desc, "desc")));
     });
 }
 

@@ -1,5 +1,6 @@
 #include "clspeckle/sensor.h"
 
+#include "camera.hpp"
 #include "convert.hpp"
 #include "fields.hpp"
 #include "handles.hpp"
@@ -10,6 +11,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <fmt/core.h>
+#include <string>
 
 using namespace clsp;
 using namespace clsp::capi;
@@ -83,14 +85,14 @@ ClspSensorDesc desc_of(const SensorDatasheet &datasheet) {
     return to_c<ClspSensorDesc>(kFields, datasheet);
 }
 
-SensorParameters parameters_of(const ClspSensorDesc *desc) {
-    const ClspSensorDesc d = read_struct(desc, desc_of({}), "desc");
-    check_reserved(d.reserved, "desc->reserved");
-    check_reserved(d.reserved_telegraph, "desc->reserved_telegraph");
+} // namespace
+
+SensorParameters clsp::capi::sensor_parameters(const ClspSensorDesc *user, const char *name) {
+    const ClspSensorDesc d = read_struct(user, desc_of({}), name);
+    check_reserved(d.reserved, (std::string(name) + "->reserved").c_str());
+    check_reserved(d.reserved_telegraph, (std::string(name) + "->reserved_telegraph").c_str());
     return from_c<SensorDatasheet>(kFields, d).parameters();
 }
-
-} // namespace
 
 extern "C" {
 
@@ -127,7 +129,7 @@ CLSP_API ClspStatus clspSensorCreate(ClspContext context, const ClspSensorDesc *
     return guarded("clspSensorCreate", [&] {
         const auto c = object(context);
         required(sensor, "sensor");
-        give(sensor, std::make_shared<Sensor>(c, parameters_of(desc)));
+        give(sensor, std::make_shared<Sensor>(c, sensor_parameters(desc, "desc")));
     });
 }
 
@@ -138,7 +140,7 @@ CLSP_API ClspStatus clspSensorSetExposureGain(ClspSensor sensor, double exposure
 }
 
 CLSP_API ClspStatus clspSensorConfigure(ClspSensor sensor, const ClspSensorDesc *desc) {
-    return guarded("clspSensorConfigure", [&] { object(sensor)->configure(parameters_of(desc)); });
+    return guarded("clspSensorConfigure", [&] { object(sensor)->configure(sensor_parameters(desc, "desc")); });
 }
 
 CLSP_API ClspStatus clspSensorResetLag(ClspSensor sensor) {

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 
 namespace tools {
@@ -88,18 +89,30 @@ void Console::finish() {
 }
 
 void Console::progress(std::uint64_t done, std::uint64_t total) {
-    if (total < 2 || !due(done >= total))
+    if (total < 2)
         return;
+    const double fraction = static_cast<double>(done) / static_cast<double>(total);
+    const std::string left = time_left(fraction);
     const double elapsed = now() - started_;
-    const double rate = elapsed > 0 ? static_cast<double>(done) / elapsed : 0;
-    const double left = rate > 0 ? static_cast<double>(total - done) / rate : 0;
-    draw(static_cast<double>(done) / static_cast<double>(total),
-         fmt::format(" {}/{} frames, {:.1f}/s, {:.0f} s left", done, total, rate, left));
+    if (due(done >= total))
+        draw(fraction, fmt::format(" {}/{} frames, {:.1f}/s{}", done, total,
+                                   elapsed > 0 ? static_cast<double>(done) / elapsed : 0.0, left));
 }
 
 void Console::progress(double fraction, const std::string &what) {
+    fraction = std::clamp(fraction, 0.0, 1.0);
+    const std::string left = time_left(fraction);
     if (due(false))
-        draw(std::clamp(fraction, 0.0, 1.0), fmt::format(" {:3.0f} % {}", 100 * std::clamp(fraction, 0.0, 1.0), what));
+        draw(fraction, fmt::format(" {:3.0f} %{}: {}", 100 * fraction, left, what));
+}
+
+/** How long the rest takes if it goes on like that; empty before anything can be told. */
+std::string Console::time_left(double fraction) {
+    if (fraction < fraction_)
+        started_ = now();
+    fraction_ = fraction;
+    const double elapsed = now() - started_;
+    return elapsed > 1 && fraction > 0 ? ", " + duration(elapsed * (1 - fraction) / fraction) + " left" : "";
 }
 
 /** Whether the bar is to be drawn now: not more than ten times a second. */
@@ -127,6 +140,13 @@ void Console::clear_progress() {
     std::fputs("\r\x1b[K", stderr);
     std::fflush(stderr);
     bar_shown_ = false;
+}
+
+std::string duration(double seconds) {
+    const auto minutes = static_cast<std::uint64_t>(std::lround(std::max(seconds, 0.0) / 60));
+    if (seconds < 100)
+        return fmt::format("{:.0f} s", seconds);
+    return minutes < 100 ? fmt::format("{} min", minutes) : fmt::format("{} h {} min", minutes / 60, minutes % 60);
 }
 
 double now() {

@@ -12,7 +12,8 @@
 
 namespace tools {
 
-/** A text that may quote a file, without what a terminal obeys: control characters but line ends and tabs become "?". */
+/** A text that may quote a file, without what a terminal obeys: control characters but line ends and tabs become "?".
+ */
 std::string harmless(std::string text);
 
 /**
@@ -42,11 +43,13 @@ class Console {
 
     /** Draws or redraws the progress bar: on a terminal only, and not with --quiet. */
     void progress(std::uint64_t done, std::uint64_t total);
-    /** The same of work that is not counted in frames. @param fraction 0 to 1. @param what is being done. */
+    /** The same of work that is not counted in frames; a smaller fraction than before begins other work. @param
+     * fraction 0 to 1. @param what is being done. */
     void progress(double fraction, const std::string &what);
 
   private:
     bool due(bool last);
+    std::string time_left(double fraction);
     void draw(double fraction, const std::string &text);
     void clear_progress();
     void put(const std::string &text); // a line
@@ -59,7 +62,11 @@ class Console {
     std::vector<std::string> warnings_;
     double started_ = 0;
     double drawn_ = 0;
+    double fraction_ = 0;
 };
+
+/** A time in words: "40 s", "12 min", "3 h 5 min". */
+std::string duration(double seconds);
 
 /** Seconds on a steady clock. */
 double now();

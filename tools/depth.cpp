@@ -116,9 +116,9 @@ bool is_picture(const std::string &file, const std::string &folder) {
     std::error_code code; // a link and what it leads to
     const auto has_picture_name = [&](const std::filesystem::path &path) {
         const std::string name = path.filename().string();
-        const bool overlay = name.rfind("overlay_", 0) == 0 && path.extension() == ".png";
-        const bool depth = name.rfind("depth_", 0) == 0 && path.extension() == ".npy";
-        return (overlay || depth) && same_file(path.parent_path().empty() ? "." : path.parent_path().string(), folder);
+        const bool png = path.extension() == ".png", npy = path.extension() == ".npy";
+        const bool written = (png && name.rfind("overlay_", 0) == 0) || ((png || npy) && name.rfind("depth_", 0) == 0);
+        return written && same_file(path.parent_path().empty() ? "." : path.parent_path().string(), folder);
     };
     return has_picture_name(file) || has_picture_name(std::filesystem::weakly_canonical(file, code));
 }

@@ -6,6 +6,7 @@
 #include "io/npy_header.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "picture.hpp"
 
 #include <fmt/format.h>
 
@@ -13,7 +14,9 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
+#include <map>
 #include <utility>
 
 namespace tools {
@@ -78,12 +81,6 @@ const Column columns[] = {
 };
 
 #undef COLUMN
-
-/** Sets a pixel if it lies inside. */
-void mark(std::vector<std::uint8_t> &pixels, const image_io::Plane &plane, long x, long y, std::uint8_t value) {
-    if (x >= 0 && y >= 0 && x < long(plane.width) && y < long(plane.height))
-        pixels[std::size_t(y) * plane.width + std::size_t(x)] = value;
-}
 
 /** The begin of a text that may be anything, for a message. */
 std::string quotation(const std::string &text) {
@@ -248,34 +245,129 @@ void write_depth_npy(const std::string &path, const std::vector<DepthFrame> &fra
     file.commit();
 }
 
+namespace {
+
+constexpr int least_picture_side = 900; // of a small frame, by whole pixels
+
+struct Enlarged {
+    Picture picture;
+    Box box;
+    int scale; ///< Picture's pixels for each of the frame's.
+    int right; ///< Where legends begin.
+};
+
+/** The frame in gray, as large as eyes need it, with axes in its pixels. */
+Enlarged enlarged(const image_io::Plane &plane, int legend_width) {
+    const PreviewScale scale = PreviewScale::of(plane.values);
+    const int width = static_cast<int>(plane.width), height = static_cast<int>(plane.height);
+    const int times = std::max(1, least_picture_side / std::max(width, height));
+    const Box box = {Picture::left_margin, Picture::top_margin, width * times, height * times};
+    Picture picture(box.x + box.width + legend_width, std::max(box.y + box.height, 400) + Picture::bottom_margin);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            // Three fifths of the range, so that marks show on dots.
+            const float value = plane.values[static_cast<std::size_t>(y) * plane.width + static_cast<std::size_t>(x)];
+            const auto gray = static_cast<std::uint8_t>(
+                std::lround(160.0f * std::clamp((value - scale.black) / (scale.white - scale.black), 0.0f, 1.0f)));
+            picture.fill({box.x + x * times, box.y + y * times, times, times}, {gray, gray, gray});
+        }
+    // Pixel centres are integers.
+    picture.axes(box, {-0.5, width - 0.5, "x (px)"}, {-0.5, height - 0.5, "y (px)"});
+    return {std::move(picture), box, times, box.x + box.width + 20};
+}
+
+/** Where a dot lies in the picture. */
+std::pair<int, int> place_of(const Enlarged &e, const ClspDepthDot &dot) {
+    return {e.box.x + static_cast<int>(std::lround((dot.x_px + 0.5) * e.scale)),
+            e.box.y + static_cast<int>(std::lround((dot.y_px + 0.5) * e.scale))};
+}
+
+constexpr int mark_radius = 4;
+
+void draw_mark(Picture &picture, int x, int y, bool placed, Color color) {
+    if (placed) {
+        picture.fill({x - mark_radius, y, 2 * mark_radius + 1, 1}, color);
+        picture.fill({x, y - mark_radius, 1, 2 * mark_radius + 1}, color);
+    } else {
+        picture.outline({x - mark_radius, y - mark_radius, 2 * mark_radius + 1, 2 * mark_radius + 1}, color);
+    }
+}
+
+/** Every detected dot: a cross where it has a depth, else a square in the color of the reason. */
+Picture overlay(const image_io::Plane &plane, const DepthFrame &frame) {
+    constexpr Color colors[] = {{80, 250, 123}, {255, 85, 85},   {255, 184, 108},
+                                {80, 200, 255}, {255, 121, 198}, {241, 250, 140}};
+    Enlarged e = enlarged(plane, 620);
+    std::map<std::uint32_t, std::size_t> counts{{CLSP_DEPTH_REASON_PLACED, 0}};
+    const auto color_of = [&](std::uint32_t reason) { return colors[reason % std::size(colors)]; };
+    for (const ClspDepthDot &dot : frame.result.dots) {
+        ++counts[dot.reason];
+        const auto [x, y] = place_of(e, dot);
+        draw_mark(e.picture, x, y, dot.reason == CLSP_DEPTH_REASON_PLACED, color_of(dot.reason));
+    }
+    int y = e.box.y;
+    const auto line = [&](const std::string &text) {
+        e.picture.text(e.right, y, text);
+        y += Picture::line_height;
+    };
+    line(fmt::format("{} dots", frame.result.dots.size()));
+    for (const auto &[reason, count] : counts) {
+        const bool placed = reason == CLSP_DEPTH_REASON_PLACED;
+        e.picture.fill({e.right, y - 2, 18, 18}, {60, 60, 60});
+        draw_mark(e.picture, e.right + 9, y + 7, placed, color_of(reason));
+        e.picture.text(e.right + 28, y, fmt::format("{} {}", count, clspeckle::Depth::reason(reason)));
+        y += Picture::line_height;
+    }
+    return std::move(e.picture);
+}
+
+/** Every dot with a depth, in the depth's color. */
+Picture depth_map(const image_io::Plane &plane, const DepthFrame &frame) {
+    Enlarged e = enlarged(plane, Picture::bar_width);
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const ClspDepthDot &dot : frame.result.dots)
+        if (dot.reason == CLSP_DEPTH_REASON_PLACED) {
+            low = std::min(low, dot.depth_m);
+            high = std::max(high, dot.depth_m);
+        }
+    if (!(low <= high)) {
+        e.picture.text(e.right, e.box.y, "no depth");
+        return std::move(e.picture);
+    }
+    if (high - low < 1e-3 * high) { // one colour would say nothing
+        low -= 0.5e-3 * high;
+        high += 0.5e-3 * high;
+    }
+    const auto place = [&](double depth_m) { return (depth_m - low) / (high - low); };
+    const int radius = std::max(3, e.scale * 2);
+    for (const ClspDepthDot &dot : frame.result.dots)
+        if (dot.reason == CLSP_DEPTH_REASON_PLACED) {
+            const auto [x, y] = place_of(e, dot);
+            for (int v = -radius; v <= radius; ++v)
+                for (int u = -radius; u <= radius; ++u)
+                    if (u * u + v * v <= radius * radius)
+                        e.picture.set(x + u, y + v, viridis(place(dot.depth_m)));
+        }
+    e.picture.bar({e.right, e.box.y, 24, e.box.height}, {low, high, "depth (m)"}, place);
+    return std::move(e.picture);
+}
+
+} // namespace
+
 void write_depth_pictures(const std::string &folder, std::uint64_t number, const image_io::Plane &plane,
                           const DepthFrame &frame) {
-    const PreviewScale scale = PreviewScale::of(plane.values);
-    std::vector<std::uint8_t> pixels(plane.values.size());
-    for (std::size_t i = 0; i < pixels.size(); ++i)
-        // Half of the range, so that marks show on dots.
-        pixels[i] = static_cast<std::uint8_t>(std::lround(
-            160.0f * std::clamp((plane.values[i] - scale.black) / (scale.white - scale.black), 0.0f, 1.0f)));
     std::vector<float> depth(plane.values.size(), std::numeric_limits<float>::quiet_NaN());
     for (const ClspDepthDot &dot : frame.result.dots) {
         const long x = std::lround(dot.x_px), y = std::lround(dot.y_px);
-        if (dot.reason == CLSP_DEPTH_REASON_PLACED) {
-            for (long k = -3; k <= 3; ++k) {
-                mark(pixels, plane, x + k, y, 255);
-                mark(pixels, plane, x, y + k, 255);
-            }
-            if (x >= 0 && y >= 0 && x < long(plane.width) && y < long(plane.height))
-                depth[std::size_t(y) * plane.width + std::size_t(x)] = static_cast<float>(dot.depth_m);
-        } else {
-            for (long k = -3; k <= 3; ++k)
-                for (const auto &[u, v] : {std::pair(k, -4L), std::pair(k, 4L), std::pair(-4L, k), std::pair(4L, k)})
-                    mark(pixels, plane, x + u, y + v, 255);
-        }
+        if (dot.reason == CLSP_DEPTH_REASON_PLACED && x >= 0 && y >= 0 && x < long(plane.width) &&
+            y < long(plane.height))
+            depth[std::size_t(y) * plane.width + std::size_t(x)] = static_cast<float>(dot.depth_m);
     }
     const auto path = [&](const char *name) {
         return (std::filesystem::path(folder) / fmt::format("{}_{:06}", name, number)).string();
     };
-    image_io::write(path("overlay") + ".png", image_io::format_named("PNG"), plane.width, plane.height, pixels.data());
+    overlay(plane, frame).write(path("overlay") + ".png");
+    depth_map(plane, frame).write(path("depth") + ".png");
     image_io::write(path("depth") + ".npy", image_io::format_named("NPY"), plane.width, plane.height, depth.data());
 }
 

@@ -37,7 +37,7 @@ Examples:
     text("--geometry", a.geometry, "JSON with camera and laser, for example sequence.json", "FILE")->required();
     text("--csv", a.csv, "Write all dots of all frames, also those without a depth, as a table", "FILE");
     text("--npy", a.npy, "Write the same as a structured NumPy array", "FILE");
-    text("--pictures", a.pictures, "Write an overlay and a depth map of each frame into this folder", "FOLDER");
+    text("--pictures", a.pictures, "Write pictures of each frame into this folder: the dots on the frame with a legend, the depth in colors with a scale; and the depth as NPY", "FOLDER");
     app.add_option("--near-m", a.near_m, "Least depth in m, above 0 (default: the geometry file's, else 0.2)")
         ->type_name("NUMBER")
         ->take_last();

@@ -8,6 +8,7 @@
 #include "io/formats.hpp"
 #include "json.hpp"
 #include "number_options.hpp"
+#include "picture.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -18,6 +19,9 @@
 namespace tools {
 
 namespace {
+
+const std::vector<std::string> beams = {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"};
+const std::vector<std::string> evaluations = {"auto", "orders", "aperture"};
 
 constexpr const char *examples =
     R"(DESIGN is NAME.npy, the phase in radians (float32, height x width), with NAME.json beside it:
@@ -51,8 +55,7 @@ std::uint32_t word_index(const std::string &word, const std::vector<std::string>
 
 clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design, Console &console) {
     auto beam = clspeckle::make<ClspBeamProfile>();
-    beam.kind =
-        word_index(a.beam, {"gaussian", "flat_circle", "flat_square", "super_gaussian", "skewed", "image"}, "--beam");
+    beam.kind = word_index(a.beam, beams, "--beam");
     double sigma_x = std::sqrt(beam.covariance_xx_m2), sigma_y = std::sqrt(beam.covariance_yy_m2);
     take_positive_pair(a.beam_sigma_um, 1e-6, sigma_x, sigma_y, "--beam-sigma-um");
     beam.covariance_xx_m2 = sigma_x * sigma_x;
@@ -97,7 +100,7 @@ clspeckle::DoePattern compute(const DoePatternArguments &a, const Design &design
     desc.dot_weights = dots.weights.empty() ? nullptr : dots.weights.data();
     desc.beam = &beam;
     desc.defects = &defects;
-    desc.evaluation = word_index(a.evaluation, {"auto", "orders", "aperture"}, "--evaluation");
+    desc.evaluation = word_index(a.evaluation, evaluations, "--evaluation");
     desc.oversampling = a.oversampling;
     std::vector<double> wavelengths_m;
     for (const double wavelength : a.wavelengths_nm)
@@ -162,10 +165,9 @@ void print_budget(const ClspDoePatternInfo &i, Console &console) {
 }
 
 /** A part of the texels as a square panel: the brightest texel of each of its pixels, so that no dot is lost. */
-std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t width, std::uint32_t height, double x0,
-                                double y0, double x1, double y1) {
+std::vector<float> panel(const std::vector<float> &texels, std::uint32_t width, std::uint32_t height, double x0,
+                         double y0, double x1, double y1) {
     std::vector<float> values(std::size_t{panel_side} * panel_side, 0.0f);
-    float most = 0;
     const auto range = [](double first, double last, std::uint32_t k, std::uint32_t size) {
         const double step = (last - first) / panel_side, begin = first + k * step;
         const auto from = static_cast<std::int64_t>(std::floor(begin));
@@ -180,14 +182,23 @@ std::vector<std::uint8_t> panel(const std::vector<float> &texels, std::uint32_t 
             for (std::int64_t y = ya; y < yb; ++y)
                 for (std::int64_t x = xa; x < xb; ++x)
                     value = std::max(value, texels[static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)]);
-            most = std::max(most, value);
         }
     }
-    std::vector<std::uint8_t> codes(values.size());
-    for (std::size_t k = 0; k < codes.size(); ++k)
-        codes[k] =
-            static_cast<std::uint8_t>(most > 0 ? std::lround(255 * std::pow(values[k] / most, gamma_of_figure)) : 0);
-    return codes;
+    return values;
+}
+
+/** A part of the pattern, with axes, and the scale of its own brightest texel. */
+void draw_panel(Picture &picture, Box box, const std::vector<float> &values, double u, double v, double half,
+                const std::string &title) {
+    const double most = *std::max_element(values.begin(), values.end());
+    const auto place = [&](double value) { return most > 0 ? std::pow(value / most, gamma_of_figure) : 0.0; };
+    for (std::uint32_t y = 0; y < panel_side; ++y)
+        for (std::uint32_t x = 0; x < panel_side; ++x)
+            picture.set(box.x + static_cast<int>(x), box.y + static_cast<int>(y),
+                        viridis(place(values[std::size_t{y} * panel_side + x])));
+    picture.axes(box, {u - half, u + half, "u (direction cosine, to the right)"}, {v - half, v + half, "v (down)"});
+    picture.text(box.x + box.width / 2.0, box.y - Picture::line_height - 6, title, black, 0.5);
+    picture.bar({box.x + box.width + 20, box.y, 24, box.height}, {0, most, "W/sr"}, place);
 }
 
 /** The whole pattern, and a part of it, side by side. */
@@ -195,21 +206,27 @@ void write_figure(const std::string &path, const ClspDoePatternInfo &i, const st
                   const std::vector<double> &zoom) {
     const double u = zoom.empty() ? 0 : zoom[0], v = zoom.empty() ? 0 : zoom[1];
     const double half = zoom.empty() ? std::min(i.half_extent_x, i.half_extent_y) / 12 : zoom[2];
-    const auto x_of = [&](double at) { return (at / i.half_extent_x + 1) / 2 * i.image_width; };
-    const auto y_of = [&](double at) { return (at / i.half_extent_y + 1) / 2 * i.image_height; };
+    const auto part = [&](double at_u, double at_v, double size) {
+        const auto x_of = [&](double at) { return (at / i.half_extent_x + 1) / 2 * i.image_width; };
+        const auto y_of = [&](double at) { return (at / i.half_extent_y + 1) / 2 * i.image_height; };
+        return panel(texels, i.image_width, i.image_height, x_of(at_u - size), y_of(at_v - size), x_of(at_u + size),
+                     y_of(at_v + size));
+    };
+    constexpr int side = panel_side, column = Picture::left_margin + side + Picture::bar_width;
+    Picture picture(2 * column, Picture::top_margin + side + Picture::bottom_margin);
     // Square in direction cosines.
     const double extent = std::max(i.half_extent_x, i.half_extent_y);
-    const auto left =
-        panel(texels, i.image_width, i.image_height, x_of(-extent), y_of(-extent), x_of(extent), y_of(extent));
-    const auto right =
-        panel(texels, i.image_width, i.image_height, x_of(u - half), y_of(v - half), x_of(u + half), y_of(v + half));
-    constexpr std::uint32_t gap = 12, width = 2 * panel_side + gap;
-    std::vector<std::uint8_t> codes(std::size_t{width} * panel_side, 255);
-    for (std::uint32_t y = 0; y < panel_side; ++y) {
-        std::copy_n(&left[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width]);
-        std::copy_n(&right[std::size_t{y} * panel_side], panel_side, &codes[std::size_t{y} * width + panel_side + gap]);
-    }
-    image_io::write(path, image_io::format_named("PNG"), width, panel_side, codes.data());
+    const Box left = {Picture::left_margin, Picture::top_margin, side, side};
+    draw_panel(picture, left, part(0, 0, extent), 0, 0, extent, "The pattern; the frame is the part at the right");
+    const auto pixel = [&](double at) { return static_cast<int>((at / extent + 1) / 2 * side); };
+    for (int k = 0; k < 2; ++k) // a frame that is cut by the panel stays within it
+        picture.outline({std::max(left.x + pixel(u - half), left.x) - k, std::max(left.y + pixel(v - half), left.y) - k,
+                         std::min(pixel(u + half), side) - std::max(pixel(u - half), 0) + 1 + 2 * k,
+                         std::min(pixel(v + half), side) - std::max(pixel(v - half), 0) + 1 + 2 * k},
+                        {255, 90, 60});
+    draw_panel(picture, {column + Picture::left_margin, Picture::top_margin, side, side}, part(u, v, half), u, v, half,
+               "The part; each panel has its own scale");
+    picture.write(path);
 }
 
 void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet) {
@@ -224,6 +241,7 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     };
     app.add_option("--beam", a.beam,
                    "gaussian, flat_circle, flat_square, super_gaussian, skewed or image (default gaussian)")
+        ->check(known_words(beams))
         ->type_name("WORD");
     numbers("--beam-sigma-um", a.beam_sigma_um,
             "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
@@ -235,6 +253,7 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
         ->type_name("IMAGE");
     app.add_option("--transfer", a.transfer,
                    "How numbers of that image stand for light: auto (as the file says), linear or srgb (default auto)")
+        ->check(known_words({"auto", "linear", "srgb"}))
         ->type_name("WORD");
     number("--levels", a.levels, "Levels that manufacture has; 0: no limit");
     number("--depth-error", a.depth_error, "All depths are (1 + this) times as deep");
@@ -248,7 +267,9 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     numbers("--wavelength-nm", a.wavelengths_nm, "Of the laser, or of its lines (default the design's)");
     numbers("--line-power", a.line_powers, "Relative power of each line (default all equal)");
     numbers("--doe-size-mm", a.doe_size_mm, "Size of the element, or width,height (default without limit)");
-    app.add_option("--evaluation", a.evaluation, "orders, aperture or auto (default auto)")->type_name("WORD");
+    app.add_option("--evaluation", a.evaluation, "orders, aperture or auto (default auto)")
+        ->check(known_words(evaluations))
+        ->type_name("WORD");
     number("--oversampling", a.oversampling, "Directions per pixel of an aperture, 1 to 4");
     number("--power-w", a.power_w, "Of the beam");
     app.add_option("--texels", a.texels, "Size of the image: width,height (default 2048,2048)")
@@ -327,7 +348,10 @@ void add_doe_pattern(CLI::App &group, DoePatternCommands &commands, bool &json, 
     add_options(pattern, a, json, quiet);
     CLI::App &inspect = *group.add_subcommand("inspect", "Say where a DOE's light goes, and draw its pattern");
     inspect.footer(examples);
-    inspect.add_option("-o,--output", a.output, "Figure: the pattern, and a part of it (square root of the intensity)")
+    inspect
+        .add_option("-o,--output", a.output,
+                    "Figure with axes and scales: the pattern, and a part of it (colors go with the square root of the "
+                    "intensity)")
         ->type_name("FILE.png");
     inspect
         .add_option("--zoom", a.zoom,

@@ -52,6 +52,8 @@ std::string reflowed(const std::string &text, std::size_t width) {
 }
 
 std::string names_of(const CLI::Option &option) {
+    if (!option.nonpositional())
+        return option.get_name(true) + (option.get_expected_max() > 1 ? "..." : "");
     std::string names;
     for (const std::string &name : option.get_snames())
         names += (names.empty() ? "-" : ", -") + name;
@@ -61,10 +63,12 @@ std::string names_of(const CLI::Option &option) {
     return type.empty() ? names : names + " " + type.substr(0, type.find(':'));
 }
 
-std::string Formatter::make_option(const CLI::Option *option, bool is_positional) const {
-    return entry(is_positional ? option->get_name(true) + (option->get_expected_max() > 1 ? "..." : "")
-                               : names_of(*option),
-                 option->get_description());
+std::vector<const CLI::App *> shown_commands(const CLI::App &app) {
+    return app.get_subcommands([](const CLI::App *command) { return !command->get_group().empty(); });
+}
+
+std::string Formatter::make_option(const CLI::Option *option, bool) const {
+    return entry(names_of(*option), option->get_description());
 }
 
 std::string Formatter::make_subcommand(const CLI::App *command) const {

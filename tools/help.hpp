@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 
 #include <string>
+#include <vector>
 
 namespace tools {
 
@@ -23,8 +24,11 @@ class Formatter final : public CLI::Formatter {
     std::string make_footer(const CLI::App *command) const override;
 };
 
-/** An option's names and what it takes: "-o, --output FOLDER". */
+/** An option's names and what it takes: "-o, --output FOLDER". An argument's name: "FRAMES...". */
 std::string names_of(const CLI::Option &option);
+
+/** The commands that help lists. */
+std::vector<const CLI::App *> shown_commands(const CLI::App &app);
 
 /** Paragraphs wrapped; lines that begin with a space, and empty ones, as they are. */
 std::string reflowed(const std::string &text, std::size_t width);

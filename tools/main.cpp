@@ -1,10 +1,13 @@
 #include "commands.hpp"
+#include "completion.hpp"
 #include "doe.hpp"
 #include "errors.hpp"
 #include "help.hpp"
 #include "interrupt.hpp"
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
+#include "manual.hpp"
+#include "number_options.hpp"
 #include "options.hpp"
 #include "text.hpp"
 
@@ -261,6 +264,23 @@ Examples:
   clspeckle tune --size 1920x1080 --dry-run --json
 )";
 
+constexpr const char *completion_examples =
+    R"(An installed program brings these scripts to where the shells look for them. From a build folder:
+
+Examples:
+  source <(clspeckle completion bash)
+  source <(clspeckle completion zsh)
+  clspeckle completion fish | source
+)";
+
+constexpr const char *man_examples =
+    R"(The page holds the help of all commands. An installed program brings it along: man clspeckle.
+
+Examples:
+  clspeckle man | man -l -
+  clspeckle man > clspeckle.1
+)";
+
 constexpr const char *devices_examples =
     R"(Lists the OpenCL devices, best first, says which one is taken and why, why others are refused, and how to install one.
 
@@ -350,10 +370,12 @@ void add_table(CLI::App &app, std::map<std::string, std::string> &given) {
         std::string names = "--" + option.name;
         if (!option.alias.empty())
             names += ",--" + option.alias;
-        app.add_option_function<std::string>(names, keep, description(option))
-            ->group(group)
-            ->type_name(type_name(option))
-            ->take_last();
+        CLI::Option *added = app.add_option_function<std::string>(names, keep, description(option))
+                                 ->group(group)
+                                 ->type_name(type_name(option))
+                                 ->take_last();
+        if (option.kind == tools::Kind::choice)
+            added->check(tools::known_words(option.words));
     }
 }
 
@@ -445,6 +467,8 @@ struct Arguments {
     tools::DoeCommands doe;
     // tune
     tools::TuneArguments tune;
+    // completion
+    std::string shell;
 };
 
 int render(Arguments &arguments, tools::Console &console) {
@@ -916,6 +940,21 @@ int run(int argc, char **argv) {
     add_tune(tune, arguments.tune, arguments.quiet);
     add_json(tune, "Print what was measured as JSON on standard output, everything else on standard error");
 
+    CLI::App &completion = *app.add_subcommand("completion", "Print what makes a shell complete commands and options");
+    completion.footer(completion_examples);
+    completion.add_option("SHELL", arguments.shell, fmt::format("{}", fmt::join(tools::completion_shells(), ", ")))
+        ->required()
+        ->check(CLI::IsMember(tools::completion_shells()))
+        ->type_name("WORD");
+    CLI::App &man = *app.add_subcommand("man", "Print the manual page");
+    man.footer(man_examples);
+
+    // What those scripts ask. No command: the words behind it are no arguments.
+    if (argc > 2 && argv[1] == std::string("complete") && argv[2] == std::string("--")) {
+        for (const std::string &line : tools::completions(app, {argv + 3, argv + argc}))
+            std::puts(line.c_str());
+        return tools::exit_ok;
+    }
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &success) {
@@ -959,6 +998,10 @@ int run(int argc, char **argv) {
         tools::run_gap_power(arguments.gap_power, console);
     else if (tune.parsed())
         tools::run_tune(arguments.tune, console);
+    else if (completion.parsed())
+        console.result(tools::completion_script(arguments.shell));
+    else if (man.parsed())
+        console.result(tools::manual(app, fmt::format("{}.{}.{}", version.major, version.minor, version.patch)));
     else if (!tools::run_doe(arguments.doe, console))
         tools::run_statistics(stats, console);
     console.finish();

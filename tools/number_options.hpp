@@ -34,6 +34,11 @@ template <typename T> CLI::Validator unsigned_integer() {
         "");
 }
 
+/** Says which words an option takes, for completion; who reads the option refuses others. */
+inline CLI::Validator known_words(const std::vector<std::string> &words) {
+    return CLI::Validator([](std::string &) { return std::string(); }, fmt::format("{{{}}}", fmt::join(words, ",")));
+}
+
 /** An option of one number; its range is checked by the library. */
 template <typename T> CLI::Option *add_number(CLI::App &app, const char *name, T &value, const std::string &what) {
     CLI::Option *option = app.add_option(name, value, what)->take_last();

@@ -12,25 +12,45 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(os.environ.get("CLSPECKLE_BIN", ROOT / "build" / "bin"))
-FRAMES = (ROOT / "docs" / "guide" / "frames.md").read_text()
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-@pytest.mark.parametrize(("language", "file"), [("c", "readme.c"), ("python", "readme.py")])
-def test_first_code_of_a_language_is_the_example(language: str, file: str) -> None:
-    blocks = re.findall(rf"```{language}\n(.*?)```", FRAMES, re.DOTALL)
-    assert blocks, f"docs/guide/frames.md shows no {language} code"
+@pytest.mark.parametrize(
+    ("page", "language", "file"),
+    [
+        ("docs/guide/frames.md", "c", "readme.c"),
+        ("docs/guide/frames.md", "python", "readme.py"),
+        ("README.md", "c", "first.c"),
+        ("docs/tutorials/engine.md", "cpp", "first.cpp"),
+    ],
+)
+def test_first_code_of_a_language_is_the_example(page: str, language: str, file: str) -> None:
+    blocks = re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+    assert blocks, f"{page} shows no {language} code"
     assert blocks[0] == (ROOT / "examples" / "readme" / file).read_text()
 
 
-def test_c_and_python_agree() -> None:
-    """The same camera with the same seed: both print the same codes."""
-    c = subprocess.run([BIN / "example_readme"], check=True, capture_output=True, text=True).stdout
-    python = subprocess.run(
-        [sys.executable, ROOT / "examples" / "readme" / "readme.py"], check=True, capture_output=True, text=True
-    ).stdout
-    assert c == python
-    assert len(c.split(":")[1].split()) == 3
+def printed(*command: str | Path) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+FIRST = """import clspeckle, numpy as np
+print("first codes:", *clspeckle.simulate(np.ones((480, 640), np.float32), f_number=5.6, seed=7)[0, :3])"""
+
+
+@pytest.mark.parametrize(
+    ("programs", "python"),
+    [
+        (["example_readme"], [ROOT / "examples" / "readme" / "readme.py"]),
+        (["example_first", "example_first_cpp"], ["-c", FIRST]),
+    ],
+)
+def test_c_and_python_agree(programs: list[str], python: list[str | Path]) -> None:
+    """The same camera with the same seed: all print the same codes."""
+    expected = printed(sys.executable, *python)
+    assert len(set(expected.split(":")[1].split())) == 3
+    for program in programs:
+        assert printed(BIN / program) == expected, program
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

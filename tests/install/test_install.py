@@ -69,6 +69,17 @@ def test_installed_program(prefix: Path) -> None:
     assert (prefix / "share" / "clspeckle" / "gap_check" / "__main__.py").is_file()
 
 
+def test_installed_completion_and_manual(prefix: Path) -> None:
+    share = prefix / "share"
+    for shell, file in (
+        ("bash", "bash-completion/completions/clspeckle"),
+        ("zsh", "zsh/site-functions/_clspeckle"),
+        ("fish", "fish/vendor_completions.d/clspeckle.fish"),
+    ):
+        assert (share / file).read_text() == run(prefix / "bin" / "clspeckle", "completion", shell)
+    assert (share / "man" / "man1" / "clspeckle.1").read_text() == run(prefix / "bin" / "clspeckle", "man")
+
+
 def test_find_package(prefix: Path, expected: str, tmp_path: Path) -> None:
     configure(HERE / "find_package", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}")
     run("cmake", "--build", tmp_path)

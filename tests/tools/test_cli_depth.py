@@ -42,6 +42,32 @@ def geometry() -> dict:
     }
 
 
+LEFT, TOP = 110, 40  # margins of a picture
+
+
+def check_pictures(folder: Path, number: int, dots: np.ndarray) -> None:
+    """Dots stand where they are: green crosses where they have a depth, and in the depth's color in the map."""
+    overlay = iio.imread(folder / f"overlay_{number:06}.png")
+    colors = iio.imread(folder / f"depth_{number:06}.png")
+    scale = 900 // max(RIG.shape)
+    own = dots[dots["reason"] == 0]
+    depth = own["depth_m"]
+    shades = []
+    for dot in own:
+        x = LEFT + round((dot["x_px"] + 0.5) * scale)
+        y = TOP + round((dot["y_px"] + 0.5) * scale)
+        assert overlay.shape[2] == colors.shape[2] == 3
+        assert tuple(overlay[y, x + 3]) == (80, 250, 123)
+        shades.append(colors[y, x].astype(int))
+    near, far = np.argmin(depth), np.argmax(depth)
+    assert tuple(shades[near]) == (68, 1, 84) and tuple(shades[far]) == (253, 231, 37), "the ends of viridis"
+    bar = colors[TOP : TOP + RIG.shape[0] * scale, LEFT + RIG.shape[1] * scale + 20 + 12].astype(int)
+    np.testing.assert_allclose(bar[0], (253, 231, 37), atol=2)
+    np.testing.assert_allclose(bar[-1], (68, 1, 84), atol=2)
+    legend = overlay[TOP:, LEFT + RIG.shape[1] * scale + 20 :]
+    assert np.any(np.all(legend == (80, 250, 123), axis=2)) and np.count_nonzero(np.all(legend == 0, axis=2)) > 500
+
+
 def test_table_and_files(ok, tmp_path: Path, scene, frame: reference.Frame) -> None:
     out = ok("depth", "frame_*.png", *scene, "--csv", "dots.csv", "--npy", "dots.npy", "--pictures", "pictures").out
     assert out.splitlines()[0].split()[:3] == ["file", "dots", "placed"]
@@ -60,8 +86,7 @@ def test_table_and_files(ok, tmp_path: Path, scene, frame: reference.Frame) -> N
     error = np.hypot(placed["x_px"] - frame.centres[index, 0], placed["y_px"] - frame.centres[index, 1])[clean]
     assert np.sqrt(np.mean(error**2)) < 0.02
     for number in range(2):
-        overlay = iio.imread(tmp_path / "pictures" / f"overlay_{number:06}.png")
-        assert overlay.shape == RIG.shape and overlay.dtype == np.uint8
+        check_pictures(tmp_path / "pictures", number, table[table["frame"] == number])
         depth = np.load(tmp_path / "pictures" / f"depth_{number:06}.npy")
         own = placed[placed["frame"] == number]
         pixels = np.rint(np.stack([own["y_px"], own["x_px"]], axis=1)).astype(int)

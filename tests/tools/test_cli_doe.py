@@ -95,6 +95,28 @@ def test_figure_and_cache(ok: Callable[..., Run], design: Path, tmp_path: Path) 
     assert [path.suffix for path in (tmp_path / "cache").iterdir()] == [".doe"]
 
 
+def test_the_figure_shows_where_the_light_is(ok: Callable[..., Run], design: Path, tmp_path: Path) -> None:
+    """The two orders of the grating lie where the axis says, and the scales end at the brightest texel."""
+    ok("doe", "inspect", design, "-o", tmp_path / "figure.png", "--texels", "900,900", "--beam-sigma-um", "60",
+       "--half-extent", "0.1", "--zoom", "0.03,0,0.02")  # fmt: skip
+    figure = np.asarray(Image.open(tmp_path / "figure.png")).astype(int)
+    left, top, side, column = 110, 40, 900, 110 + 900 + 150
+    bright = np.all(abs(figure - (253, 231, 37)) < 30, axis=2)
+    panel = bright[top : top + side, left : left + side]
+    x = np.flatnonzero(panel.any(axis=0)) + 0.5
+    u = 0.940 / 24  # wavelength over the grating's period
+    for order in (-u, u):
+        assert abs(x - (order / 0.1 + 1) / 2 * side).min() < 3
+    assert abs(abs((x / side * 2 - 1) * 0.1) - u).max() < 0.002
+    zoomed = np.flatnonzero(bright[top : top + side, column + left : column + left + side].any(axis=0)) + 0.5
+    assert abs(zoomed.mean() - ((u - 0.01) / 0.04) * side) < 9
+    for origin in (left, column + left):
+        bar = figure[top : top + side, origin + side + 32]
+        np.testing.assert_allclose(bar[0], (253, 231, 37), atol=2)
+        np.testing.assert_allclose(bar[-1], (68, 1, 84), atol=2)
+        assert np.count_nonzero(np.all(figure[top + side :, origin : origin + side] == 0, axis=2)) > 500, "numbers"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -150,6 +150,24 @@ CLSP_API ClspStatus clspPipelineWarmUp(ClspPipeline pipeline, cl_command_queue q
  *  frames since the last check: CLSP_SUCCESS if none, else CLSP_ERROR_INVALID_DATA with their number and the first one's place. */
 CLSP_API ClspStatus clspPipelineCheck(ClspPipeline pipeline, cl_command_queue queue);
 
+/**
+ * One frame in one call, from host memory to host memory: makes aperture, surface (phase.h's defaults) and sensor, renders, frees all. Blocks. The
+ * result depends on the arguments alone, and is that of a pipeline's first frame. For a sequence make a pipeline: this pays the set-up each time.
+ * May be called from any number of threads at once, also with one context.
+ * @param context NULL: the best device, or the one that CLSPECKLE_DEVICE names. Programs stay in a context, so several calls with one are faster.
+ * @param width,height pixels, 1 to 16384.
+ * @param irradiance height x width floats, tightly packed: the ideal image, finite, >= 0.
+ * @param aperture NULL: the defaults. Its width and height are 0 or those of the image; workspace_from_host is 0.
+ * @param sensor NULL: the defaults. Width and height likewise; a seed of 0 stands for `seed`.
+ * @param seed of the speckle and of all that the sensor draws.
+ * @param frame_index counter of the speckle and of the noise, below 2^48: another one, another frame.
+ * @param codes height x width codes, tightly packed; left as it is if the call fails.
+ * @return CLSP_ERROR_INVALID_DATA for pixels that are NaN, infinite or negative: the message has their number and the first one's place.
+ */
+CLSP_API ClspStatus clspSimulate(ClspContext context, uint32_t width, uint32_t height, const float *irradiance,
+                                 const ClspApertureDesc *aperture, const ClspSensorDesc *sensor, uint64_t seed,
+                                 uint64_t frame_index, uint16_t *codes);
+
 /** Device time of one stage of the last frame. Layout frozen. */
 typedef struct ClspStageTiming {
     char stage[32];       /**< "pattern", "dots", "motion", "distortion", "subsurface", "airflow", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",

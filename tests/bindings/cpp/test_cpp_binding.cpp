@@ -215,6 +215,19 @@ TEST_F(CppBinding, AWholeFrame) {
     queue.finish();
 }
 
+TEST_F(CppBinding, OneCallGivesAFrame) {
+    const std::vector<float> light(16 * 8, 0.5f);
+    auto sensor = clspeckle::make<ClspSensorDesc>();
+    sensor.black_level_dn = 100;
+    const auto codes = clspeckle::simulate(light, 16, 8, 7, 1, nullptr, &sensor, context);
+    ASSERT_EQ(light.size(), codes.size());
+    EXPECT_GT(*std::max_element(codes.begin(), codes.end()), 100);
+    EXPECT_NE(codes, clspeckle::simulate(light, 16, 8, 7, 2, nullptr, &sensor, context));
+    EXPECT_EQ(codes, clspeckle::simulate(light, 16, 8, 7, 1, nullptr, &sensor));
+    EXPECT_THROW(clspeckle::simulate(light, 16, 9), std::invalid_argument);
+    EXPECT_THROW(clspeckle::simulate({}, 0, 0), clspeckle::Error);
+}
+
 TEST(CppBindingDefaults, MakeGivesWhatTheInitFunctionsWrite) {
     ClspMaterial material;
     ASSERT_EQ(CLSP_SUCCESS, clspMaterialInit(&material, sizeof material));

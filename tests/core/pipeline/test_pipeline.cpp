@@ -258,6 +258,108 @@ TEST_F(Pipeline, AFrameIsItsStagesOneAfterTheOther) {
     EXPECT_CLSP_OK(clspPipelineCheck(whole, queue));
 }
 
+TEST_F(Pipeline, OneCallGivesAPipelinesFirstFrame) {
+    const std::vector<float> light = test::dots(width, height);
+    ClspApertureDesc aperture = aperture_desc();
+    ClspSensorDesc sensor = sensor_desc();
+    const auto simulate = [&](ClspContext in, std::uint64_t seed) {
+        std::vector<std::uint16_t> result(width * height);
+        EXPECT_CLSP_OK(clspSimulate(in, width, height, light.data(), &aperture, &sensor, seed, 5, result.data()));
+        return result;
+    };
+    const auto expected = render(make_pipeline(context), 5);
+    EXPECT_EQ(expected, simulate(context, phase_desc().seed));
+    EXPECT_EQ(expected, simulate(nullptr, phase_desc().seed));
+    aperture.width = aperture.height = sensor.width = sensor.height = 0; // the image's
+    EXPECT_EQ(expected, simulate(context, phase_desc().seed));
+    EXPECT_NE(expected, simulate(context, phase_desc().seed + 1));
+    sensor.seed = 0; // that of the call
+    const auto seeded = simulate(context, 12);
+    sensor.seed = 12;
+    EXPECT_EQ(seeded, simulate(context, 12));
+    EXPECT_NE(expected, seeded);
+
+    std::vector<std::uint16_t> plain(width * height), named(width * height);
+    auto default_aperture = clspeckle::make<ClspApertureDesc>();
+    auto default_sensor = clspeckle::make<ClspSensorDesc>();
+    EXPECT_CLSP_OK(clspSimulate(context, width, height, light.data(), nullptr, nullptr, 3, 0, plain.data()));
+    EXPECT_CLSP_OK(
+        clspSimulate(context, width, height, light.data(), &default_aperture, &default_sensor, 3, 0, named.data()));
+    EXPECT_EQ(plain, named);
+}
+
+TEST_F(Pipeline, OneCallTakesApertureGridsAndLeavesNothingBehind) {
+    const std::vector<float> light = test::dots(width, height);
+    std::vector<std::uint16_t> result(width * height);
+    ClspApertureDesc aperture = aperture_desc();
+    aperture.oversampling = 2;
+    aperture.guard_px = 4;
+    const auto before = context.info();
+    EXPECT_CLSP_OK(clspSimulate(context, width, height, light.data(), &aperture, nullptr, 1, 0, result.data()));
+    EXPECT_GT(*std::max_element(result.begin(), result.end()), 64);
+    EXPECT_EQ(before.allocation_count, context.info().allocation_count);
+}
+
+TEST_F(Pipeline, OneCallRefusesWhatAPipelineWould) {
+    std::vector<float> light = test::dots(width, height);
+    std::vector<std::uint16_t> result(width * height, 77);
+    const auto call = [&](ClspContext in, std::uint32_t w, std::uint32_t h, const float *in_light,
+                          const ClspApertureDesc *aperture, const ClspSensorDesc *sensor, std::uint64_t index,
+                          std::uint16_t *out) {
+        return clspSimulate(in, w, h, in_light, aperture, sensor, 1, index, out);
+    };
+    const auto refused = [&](ClspStatus expected, const std::string &words, ClspStatus got) {
+        EXPECT_TRUE(test::failed_as("clspSimulate", got, expected, words)) << words;
+        test::poison_last_error("clspSimulate");
+    };
+    const ClspStatus argument = CLSP_ERROR_INVALID_ARGUMENT;
+    const float *in = light.data();
+    std::uint16_t *out = result.data();
+    test::poison_last_error("clspSimulate");
+    refused(argument, "irradiance is NULL", call(context, width, height, nullptr, nullptr, nullptr, 0, out));
+    refused(argument, "codes is NULL", call(context, width, height, in, nullptr, nullptr, 0, nullptr));
+    for (const std::uint32_t side : test::bad_sides) {
+        refused(argument, "width", call(context, side, height, in, nullptr, nullptr, 0, out));
+        refused(argument, "height", call(context, width, side, in, nullptr, nullptr, 0, out));
+    }
+    refused(argument, "frame_index", call(context, width, height, in, nullptr, nullptr, std::uint64_t{1} << 48, out));
+    refused(CLSP_ERROR_INVALID_HANDLE, "context",
+            call(reinterpret_cast<ClspContext>(std::uintptr_t{0x123450}), width, height, in, nullptr, nullptr, 0, out));
+    const auto of_aperture = [&](const std::string &words, auto change, ClspStatus expected) {
+        ClspApertureDesc desc = aperture_desc();
+        change(desc);
+        refused(expected, words, call(context, width, height, in, &desc, nullptr, 0, out));
+    };
+    of_aperture(
+        "aperture->struct_size", [](auto &d) { d.struct_size = 4; }, CLSP_ERROR_INVALID_STRUCT_SIZE);
+    of_aperture(
+        "aperture->width is 31, but the image's width is 32", [](auto &d) { d.width = 31; }, argument);
+    of_aperture(
+        "aperture->height is 1", [](auto &d) { d.height = 1; }, argument);
+    of_aperture(
+        "workspace_from_host", [](auto &d) { d.workspace_from_host = 1; }, argument);
+    of_aperture(
+        "aperture->reserved_blades", [](auto &d) { d.reserved_blades = 1; }, argument);
+    of_aperture(
+        "diameter", [](auto &d) { d.relative_diameter = -1; }, argument);
+    const auto of_sensor = [&](const std::string &words, auto change, ClspStatus expected) {
+        ClspSensorDesc desc = sensor_desc();
+        change(desc);
+        refused(expected, words, call(context, width, height, in, nullptr, &desc, 0, out));
+    };
+    of_sensor(
+        "sensor->struct_size", [](auto &d) { d.struct_size = 4; }, CLSP_ERROR_INVALID_STRUCT_SIZE);
+    of_sensor(
+        "sensor->width is 33", [](auto &d) { d.width = 33; }, argument);
+    of_sensor(
+        "sensor->height is 27", [](auto &d) { d.height = 27; }, argument);
+    of_sensor(
+        "bits", [](auto &d) { d.bits = 7; }, argument);
+    light[3 * width + 2] = -1;
+    refused(CLSP_ERROR_INVALID_DATA, "x = 2, y = 3", call(context, width, height, in, nullptr, nullptr, 0, out));
+    EXPECT_EQ(std::vector<std::uint16_t>(width * height, 77), result);
+}
+
 TEST_F(Pipeline, StaticSceneKeepsItsSpeckleAndGetsNewNoise) {
     const auto pipeline = make_pipeline(context);
     const auto first = render(pipeline, 0), second = render(pipeline, 1);

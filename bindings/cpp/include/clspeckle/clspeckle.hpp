@@ -965,6 +965,26 @@ class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetai
     }
 };
 
+/**
+ * One frame from host memory to host memory, see clspSimulate(): `simulate(ideal, 640, 480, 7)`. Blocks. May be called
+ * from any number of threads at once.
+ * @param irradiance height x width values, finite, >= 0.
+ * @param aperture,sensor null: the defaults; their width and height may stay 0.
+ * @param context empty: the best device, for this call.
+ * @return height x width codes.
+ */
+inline std::vector<std::uint16_t> simulate(const std::vector<float> &irradiance, std::uint32_t width,
+                                           std::uint32_t height, std::uint64_t seed = 0, std::uint64_t frame_index = 0,
+                                           const ClspApertureDesc *aperture = nullptr,
+                                           const ClspSensorDesc *sensor = nullptr, ClspContext context = nullptr) {
+    if (irradiance.size() != std::size_t{width} * height)
+        throw std::invalid_argument("irradiance has " + std::to_string(irradiance.size()) + " values, expected " +
+                                    std::to_string(width) + " x " + std::to_string(height));
+    std::vector<std::uint16_t> codes(irradiance.size());
+    check(clspSimulate(context, width, height, irradiance.data(), aperture, sensor, seed, frame_index, codes.data()));
+    return codes;
+}
+
 /** What a real camera recorded, see capture.h. */
 class Capture : public detail::Shared<Capture, ClspCapture, clspCaptureRetain, clspCaptureRelease> {
   public:

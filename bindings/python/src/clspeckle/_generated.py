@@ -728,6 +728,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPipelineEnqueueFrames": (_void, _void, _u32, _P(ClspFrame), _u32, _P(_void), _P(_void)),
     "clspPipelineWarmUp": (_void, _void, _P(ClspFrame)),
     "clspPipelineCheck": (_void, _void),
+    "clspSimulate": (_void, _u32, _u32, _P(_f32), _P(ClspApertureDesc), _P(ClspSensorDesc), _u64, _u64, _P(_u16)),
     "clspPipelineGetTimings": (_void, _u32, _P(ClspStageTiming), _P(_u32)),
     "clspProfileOpen": (_text, _P(_void)),
     "clspProfileRetain": (_void,),
