@@ -204,6 +204,43 @@ double shared_loss(const std::vector<FallOff> &losses) {
     return std::max(0.0, std::min(a.loss, b.loss));
 }
 
+// What each light has beside what they share.
+void describe_lights(const Grid &grid, const CaptureLayout &layout, const std::vector<Kind> &measured,
+                     const Shared &shared, LabLights &result) {
+    result.lights.clear();
+    double least_uneven = std::numeric_limits<double>::infinity();
+    for (const Kind &kind : measured) {
+        const Blocks light = without_shared(grid, kind.light, shared);
+        const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kIllumination.degree),
+                  high = fit(grid, light, kIllumination.high_degree);
+        const double variance = variance_of(high);
+        LabLight found;
+        found.name = kind.name;
+        for (const std::size_t s : kind.sequences)
+            found.sequences.push_back(layout.sequences[s].name);
+        const Slope slope = slope_of(quadratic, variance);
+        found.slope = {slope.slope[0], slope.slope[1]};
+        found.slope_error = {std::sqrt(slope.covariance(0, 0)), std::sqrt(slope.covariance(1, 1))};
+        const FallOff left = fall_off(quadratic, variance, layout.window.has_value());
+        found.corner_loss = left.loss;
+        found.corner_loss_error = left.error;
+        const double p_quadratic = p_of_terms(even, quadratic), p_high = p_of_terms(quadratic, high);
+        found.p_value = std::min(1.0, 2.0 * std::min(p_quadratic, p_high)); // of two looks
+        if (found.p_value <= kIllumination.certain) {
+            const Fit &best = 2.0 * p_high <= kIllumination.certain ? high : quadratic;
+            found.light.origin_px = grid.origin;
+            found.light.unit_px = grid.unit;
+            found.light.level_dn = kind.level_dn;
+            for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)
+                found.light.coefficients.push_back(best.coefficients[k] / best.coefficients[0]);
+        }
+        const double uneven = std::max(std::hypot(found.slope[0], found.slope[1]), std::abs(found.corner_loss));
+        least_uneven = std::min(least_uneven, uneven);
+        result.lights.push_back(std::move(found));
+    }
+    result.shared_corner_loss_error = least_uneven;
+}
+
 // Means of frames that scatter by more than their rows let expect.
 std::optional<LampDrift> drift_of(const CaptureLayout &layout, std::size_t sequence,
                                   const std::vector<std::uint16_t> &codes, double black) {
@@ -312,40 +349,15 @@ LabLights measure_lab_lights(const Capture &capture) {
     if (measured.empty())
         return result;
     result.lens_or_light = measured.size() == 1;
-    const Shared shared{shared_slope(slopes), shared_loss(losses)};
-    result.shared_corner_loss = shared.loss;
+    Shared shared{shared_slope(slopes), shared_loss(losses)};
     result.shared_slope = {shared.slope[0], shared.slope[1]};
-    double least_uneven = std::numeric_limits<double>::infinity();
-    for (const Kind &kind : measured) {
-        const Blocks light = without_shared(grid, kind.light, shared);
-        const Fit even = fit(grid, light, 0), quadratic = fit(grid, light, kIllumination.degree),
-                  high = fit(grid, light, kIllumination.high_degree);
-        const double variance = variance_of(high);
-        LabLight found;
-        found.name = kind.name;
-        for (const std::size_t s : kind.sequences)
-            found.sequences.push_back(layout.sequences[s].name);
-        const Slope slope = slope_of(quadratic, variance);
-        found.slope = {slope.slope[0], slope.slope[1]};
-        found.slope_error = {std::sqrt(slope.covariance(0, 0)), std::sqrt(slope.covariance(1, 1))};
-        const FallOff left = fall_off(quadratic, variance, layout.window.has_value());
-        found.corner_loss = left.loss;
-        found.corner_loss_error = left.error;
-        const double p_quadratic = p_of_terms(even, quadratic), p_high = p_of_terms(quadratic, high);
-        found.p_value = std::min(1.0, 2.0 * std::min(p_quadratic, p_high)); // of two looks
-        if (found.p_value <= kIllumination.certain) {
-            const Fit &best = 2.0 * p_high <= kIllumination.certain ? high : quadratic;
-            found.light.origin_px = grid.origin;
-            found.light.unit_px = grid.unit;
-            found.light.level_dn = kind.level_dn;
-            for (Eigen::Index k = 1; k < best.coefficients.size(); ++k)
-                found.light.coefficients.push_back(best.coefficients[k] / best.coefficients[0]);
-        }
-        const double uneven = std::max(std::hypot(found.slope[0], found.slope[1]), std::abs(found.corner_loss));
-        least_uneven = std::min(least_uneven, uneven);
-        result.lights.push_back(std::move(found));
+    describe_lights(grid, layout, measured, shared, result);
+    // No more than the lights may share: then it is theirs, as what is left to the lens must be a lens's.
+    if (measured.size() > 1 && shared.loss <= result.shared_corner_loss_error) {
+        shared.loss = 0.0;
+        describe_lights(grid, layout, measured, shared, result);
     }
-    result.shared_corner_loss_error = least_uneven;
+    result.shared_corner_loss = shared.loss;
     return result;
 }
 

@@ -30,7 +30,8 @@ struct LampDrift {
 struct LabLights {
     std::vector<LabLight> lights;
     std::vector<LampDrift> drifts; // of flats where it is certain
-    // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them.
+    // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them. 0 where it is no
+    // more than two lights may share by themselves.
     double shared_corner_loss = 0.0;
     // Standard deviation of the lens's own about that: lights that are brightest on the axis share a fall-off, too. A
     // light may have as much of it as is seen of its unevenness; no capture tells. The evener light counts.

@@ -94,6 +94,15 @@ double ModelFit::square_by(const Covariance &covariance, const FittedModel &fitt
     return residual_square(whiten_columns(covariance, fitted.jacobian), covariance.whiten(difference));
 }
 
+double ModelFit::gain_by_common(const FittedModel &before, const FittedModel &after) const {
+    const Covariance common = common_covariance(runner_, before.model, after.model);
+    return square_by(common, before) - square_by(common, after);
+}
+
+double ModelFit::gain_over(const FittedModel &before, const FittedModel &after) const {
+    return std::max(before.score - after.score, gain_by_common(before, after));
+}
+
 // The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
 // leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model
 // where it is no chance.

@@ -126,6 +126,11 @@ class ModelFit {
     // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
     // two models differ by chance, too.
     double square_by(const Covariance &covariance, const FittedModel &fitted) const;
+    // By how much the capture's squared distance is less, by one covariance of both models.
+    double gain_by_common(const FittedModel &before, const FittedModel &after) const;
+    // The larger of that and of what the scores differ by. By scores each model has a covariance of its own: of large gaps
+    // these differ by more than an effect explains.
+    double gain_over(const FittedModel &before, const FittedModel &after) const;
     // What was asked for beside the baseline's (ReplicateRunner::work). No search goes on for ever: after so much of it
     // no step begins, and what is not explained by then is unknown.
     double work() const { return runner_.work() - baseline_work_; }

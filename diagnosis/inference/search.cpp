@@ -506,14 +506,9 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
         if (fits_.go_on(models[best], pools[best], fits[best], from + share))
             fits_.polish(models[best], pools[best], fits[best], from + share);
     }
-    const double gain = current.score - fits[best].score;
-    // The part of the excess by the present model's covariance: each model has its own, and large gaps are measured by
-    // very different ones.
+    const double gain = fits_.gain_over(current, fits[best]);
     const double least_share = little ? kGrowth.least_share_of_little : kGrowth.least_share;
-    const bool is_large_part = excess > kScreening.large * static_cast<double>(runner_.count()) &&
-                               finalists[best]->gain > kGrowth.most_of_large * excess;
-    if ((gain < kGrowth.least_gain && !is_large_part) ||
-        (fits[best].residual.detected && std::max(gain, finalists[best]->gain) < least_share * excess))
+    if (gain < kGrowth.least_gain || (fits[best].residual.detected && gain < least_share * excess))
         return false;
     state.steps.push_back(described(refined, finalists, fits, best, current));
     state.model = std::move(models[best]);

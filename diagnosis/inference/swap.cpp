@@ -278,8 +278,7 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     double gain = whole.score - fitted.score;
     if (explained) {
         // Both have the capture's noise, so what their covariances differ by is chance.
-        const Covariance common = common_covariance(fits.runner(), whole.model, fitted.model);
-        gain = fits.square_by(common, whole) - fits.square_by(common, fitted) + state.model.unlikelihood(move.place) -
+        gain = fits.gain_by_common(whole, fitted) + state.model.unlikelihood(move.place) -
                other.model.unlikelihood(other.model.effects.size() - 1);
     }
     if (gain < (explained ? 0.0 : kGrowth.least_gain)) {

@@ -118,9 +118,6 @@ struct Thresholds {
         // part of the first gap | less is little; effects are swapped there | tests/diagnosis/run/test_search.py
         // test_of_two_swaps_the_better_is_made
         double little_left = 0.02;
-        // part of what is left | of a large gap: an effect that explains this by the model before stays |
-        // tests/diagnosis/inference/test_attribution.cpp LargeGapsAreExplainedPartByPart
-        double most_of_large = 0.25;
         // squared distance | effects so near to the best are compared by replicates |
         // tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
         double final_margin = 20.0;

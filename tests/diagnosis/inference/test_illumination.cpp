@@ -189,6 +189,19 @@ TEST(Illumination, WhatBothLightsLoseMayBeTheirs) {
     EXPECT_LT(even.shared_corner_loss_error, 0.005);
 }
 
+// Without a lens's fall-off, what they share is as little as what they may: it is in both lights, and none is left.
+TEST(Illumination, LittleThatBothLightsLoseIsTheirs) {
+    const Field lamp = [](double x, double y) { return 1.0 - 0.09 * x - 0.015 * (x * x + y * y); };
+    const Field beam = [](double x, double y) { return std::exp(-0.1 * ((x - 0.35) * (x - 0.35) + y * y)); };
+    const LabLights found = measure_lab_lights(capture_of(kAll, lamp, beam, 8));
+    EXPECT_EQ(found.shared_corner_loss, 0.0);
+    EXPECT_GT(found.shared_corner_loss_error, 0.05);
+    for (const auto &[name, field] : {std::pair{"lamp", lamp}, std::pair{"laser", beam}}) {
+        const LabLight &light = light_of(found, name);
+        EXPECT_NEAR(light.light.at(127.0, 95.0), field(0.8, 0.6) / field(0.0, 0.0), 0.04) << name;
+    }
+}
+
 TEST(Illumination, OneLightAloneTellsNoLensFromALamp) {
     const LabLights found = measure_lab_lights(
         capture_of({CaptureScene::kDark, CaptureScene::kFlat}, kVignetting, kEven, 4));
