@@ -42,7 +42,7 @@ void print_summary(const Json &summary, Console &console) {
                         number_or_dash(s["level_above_dark_dn"], "{:.2f}"),
                         std::to_string(s["minimum"].get<std::uint32_t>()),
                         std::to_string(s["maximum"].get<std::uint32_t>()),
-                        fmt::format("{:.2f} %", 100.0 * s["saturated_fraction"].get<double>()),
+                        percent(s["saturated_fraction"].get<double>()),
                         number_or_dash(s["temporal_noise_dn"], "{:.2f}"), number_or_dash(s["contrast"], "{:.3f}")});
     console.print(table(rows) + "\n");
     console.print("Levels are in DN; noise is the standard deviation in time, in motion with the speckle in it.");

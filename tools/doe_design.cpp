@@ -209,10 +209,6 @@ Json report_numbers(const ClspDoeDesignReport &report) {
             {"seconds", report.seconds}};
 }
 
-std::string percent(double fraction) {
-    return fraction < 1e-3 ? fmt::format("{:.2g} %", 100.0 * fraction) : fmt::format("{:.2f} %", 100.0 * fraction);
-}
-
 std::string summary(const ClspDoeDesignReport &r, const std::string &name) {
     const std::string relative_zero =
         fmt::format("{} ({:.2f} of a dot's)", percent(r.zero_order), r.zero_order_relative);

@@ -155,8 +155,7 @@ std::vector<Option> make_table() {
         integer("sensor", "bits", sensor.bits, 8, 16, "", "bits of a code"),
         number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, 0, false, infinity, "dn",
                "codes per unit of intensity; auto: the 99.9th percentile of the first ideal image, speckled, has a "
-               "mean of half "
-               "of full scale",
+               "mean of half of full scale, or of half of what a high black level and ambient light leave",
                {"auto"}),
         number("sensor", "saturation_dn", sensor.saturation_dn, 0, true, infinity, "dn",
                "the signal stops here; inf: only the converter clips"),

@@ -489,7 +489,7 @@ class Renderer {
         console_.print(fmt::format("first frame mean {:.5g}, standard deviation {:.5g}, contrast{} {}", moments_.mean,
                                    moments_.standard_deviation, of, light > 0 ? fmt::format("{:.4f}", contrast) : "-"));
         if (has_sensor_)
-            console_.print(fmt::format("saturated   {:.4f} % of all pixels", 100 * saturated));
+            console_.print(fmt::format("saturated   {} of all pixels", percent(saturated)));
         std::string times;
         for (const StageTimes &stage : stages_)
             times += fmt::format("{}{} {:.3f}", times.empty() ? "" : ", ", stage.name, stage.mean());
@@ -659,23 +659,21 @@ class Renderer {
         return ideal_.read<float>(queue_, pixels);
     }
 
+    /** The light by which --exposure-gain auto exposes. */
+    static double bright_of(std::vector<float> values) {
+        const float bright = percentile(values, 0.999);
+        return bright > 0 ? bright : *std::max_element(values.begin(), values.end());
+    }
+
     void choose_gain() {
-        std::vector<float> values = input_.scene ? look_up() : first_.irradiance.values;
-        float bright = percentile(values, 0.999);
-        if (bright <= 0)
-            bright = *std::max_element(values.begin(), values.end());
+        const double bright = bright_of(input_.scene ? look_up() : first_.irradiance.values);
         if (bright <= 0)
             throw InputError(fmt::format("{}: {}, so that no exposure can be chosen. If no light is meant, give "
                                          "--illumination dark and a number for --exposure-gain",
                                          first_.name, why_black()));
-        const double half_scale = top_code() / 2;
-        const double signal = std::min(half_scale - config_.number("sensor.black_level_dn"), largest_signal() / 2);
-        if (signal <= 0)
-            throw InputError(
-                fmt::format("--exposure-gain auto aims at half of full scale ({:g} dn), which the black level ({:g} "
-                            "dn) leaves no room for",
-                            half_scale, config_.number("sensor.black_level_dn")));
-        const double gain = signal / (bright * passed());
+        if (room() <= 0)
+            throw InputError(fmt::format("--exposure-gain auto finds no room: {}", why_no_room()));
+        const double gain = auto_signal() / (bright * passed());
         if (!(gain <= most_gain))
             throw InputError(fmt::format("{}: the first ideal image is too dark ({:g}) for an exposure; scale it with "
                                          "--irradiance-scale",
@@ -690,12 +688,11 @@ class Renderer {
     std::string why_black() const {
         if (!black_plane_.empty())
             return black_plane_;
-        return input_.scene
-                   ? "the first ideal image is 0 everywhere: the pattern does not meet the scene. Check its pose "
-                     "and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), and the unit of "
-                     "depths (--depth-scale)"
-                   : "the first ideal image is 0 everywhere: it may be another channel or page than meant, "
-                     "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
+        return input_.scene ? "the ideal image is 0 everywhere: the pattern does not meet the scene. Check its pose "
+                              "and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), and the unit of "
+                              "depths (--depth-scale)"
+                            : "the ideal image is 0 everywhere: it may be another channel or page than meant, "
+                              "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
     double effect_value(const char *id, double otherwise) const {
@@ -726,16 +723,29 @@ class Renderer {
         const auto bits = static_cast<double>(config_.integer("sensor.bits"));
         return std::exp2(bits) - std::exp2(bits - effect_value("adc_bits", bits));
     }
-    bool ends_below_top() const {
-        return has_sensor_ && config_.number("sensor.black_level_dn") + dark_dn_ + largest_signal() < largest_code();
+    /** The code of a pixel without light. */
+    double offset() const { return config_.number("sensor.black_level_dn") + dark_dn_; }
+    bool ends_below_top() const { return has_sensor_ && offset() + largest_signal() < largest_code(); }
+    /** What the black level, the dark frame and ambient light leave of the range, in dn. */
+    double room() const { return std::min(largest_code() - offset(), largest_signal()) - ambient_light_dn(); }
+    std::string why_no_room() const {
+        const double ambient = ambient_light_dn();
+        return fmt::format("the code without light, {:g}{} nothing of the range, which ends at {:g}; lower {}",
+                           offset(),
+                           ambient > 0 ? fmt::format(", and ambient light of {:g} dn leave", ambient) : " leaves",
+                           std::min(largest_code(), offset() + largest_signal()), ambient > 0 ? "them" : "it");
+    }
+    /** That --exposure-gain auto aims at: half of full scale, or of what a high black level and ambient light leave. */
+    double auto_signal() const {
+        const double signal = std::min(top_code() / 2 - config_.number("sensor.black_level_dn"), largest_signal() / 2);
+        return signal > 0 && signal <= room() ? signal : room() / 2;
     }
     /** A code that pixels at their end have: the top one, or what the noise leaves of the largest signal. */
     double last_code() const {
         if (!ends_below_top())
             return largest_code();
         const double signal = largest_signal();
-        return config_.number("sensor.black_level_dn") + dark_dn_ +
-               std::max(signal - 3 * config_.number("sensor.read_noise_dn"), signal / 2);
+        return offset() + std::max(signal - 3 * config_.number("sensor.read_noise_dn"), signal / 2);
     }
 
     /** Whether a frame may be one to warn of. What the pattern brings to a scene is looked up again where less than
@@ -771,8 +781,6 @@ class Renderer {
         const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0, behind = dn_per_light();
         const bool ambient = ambient_light_dn() >= 0.5;
         const bool dark = brightest * behind < least_light();
-        if (ambient && !input_.scene && dark)
-            return;
         const char *no_light = ambient ? "the pattern brings no light" : "the frame has no light";
         const auto pixels = static_cast<double>(values.size());
         const double lit = ambient || gain <= 0
@@ -780,9 +788,10 @@ class Renderer {
                                : static_cast<double>(std::count_if(values.begin(), values.end(),
                                                                    [behind](float v) { return v * behind >= 0.5; }));
         const auto saturated = static_cast<double>(at_end);
-        const char *gain_advice = "--exposure-gain auto finds one";
         const std::string part = passed() == 1 ? "" : fmt::format(", of which the aperture passes {:.3g}", passed());
-        if (dark && !std::exchange(told_dark_, true)) {
+        // An ideal image may be dark where the light is ambient, or where the gain says so.
+        const bool meant = !input_.scene && (ambient || (has_sensor_ && gain <= 0 && brightest > 0));
+        if (dark && !meant && !std::exchange(told_dark_, true)) {
             if (brightest <= 0)
                 console_.warn(
                     fmt::format("{}: {}: {}. No gain helps; if no light is meant, --illumination dark says so",
@@ -796,21 +805,36 @@ class Renderer {
             else
                 console_.warn(fmt::format("{}: the frame has no light: the brightest number is {:.3g}{}, and with a "
                                           "gain of {} dn that is less than half a code; {}",
-                                          data.name, brightest, part, gain, gain_advice));
+                                          data.name, brightest, part, gain, gain_advice(values)));
         }
-        if (dark || !has_sensor_ || saturated <= 0 || saturated < most_saturated * lit ||
+        if ((dark && !ambient) || !has_sensor_ || saturated <= 0 || saturated < most_saturated * lit ||
             std::exchange(told_saturated_, true))
             return;
         const std::string end = ends_below_top()
                                     ? fmt::format("at {:g} + {:g} dn, where its signal ends below the top code "
                                                   "(--saturation-dn or the effect full_well)",
-                                                  config_.number("sensor.black_level_dn") + dark_dn_, largest_signal())
+                                                  offset(), largest_signal())
                                     : "at the top code";
-        console_.warn(fmt::format(
-            "{}: {:.0f} % of the frame is {}, where {:.0f} % has light: the mean light is {:.3g}, and the gain {} dn "
-            "for light of 1; {}{}",
-            data.name, 100 * saturated / pixels, end, 100 * lit / pixels, mean, gain,
-            input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ", gain_advice));
+        const std::string told = fmt::format("{}: {:.0f} % of the frame is {}, where {:.0f} % has light", data.name,
+                                             100 * saturated / pixels, end, 100 * lit / pixels);
+        if (brightest * behind <= std::min((top_code() + 1) / 2, largest_signal() / 2))
+            console_.warn(fmt::format("{}, though the brightest {} brings no more than half of the range: the code "
+                                      "without light, {:g}, and ambient light, {:g} dn, fill the rest; lower them",
+                                      told, input_.scene ? "point" : "number", offset(), ambient_light_dn()));
+        else
+            console_.warn(
+                fmt::format("{}: the mean light is {:.3g}, and the gain {} dn for light of 1; {}{}", told, mean, gain,
+                            input_.scene || mean <= 1 ? "" : "--full-scale N makes N the number that means 1, and ",
+                            gain_advice(values)));
+    }
+
+    /** What brings light into the range: --exposure-gain auto where choose_gain() takes it. */
+    std::string gain_advice(const std::vector<float> &values) const {
+        if (room() <= 0)
+            return "no gain helps: " + why_no_room();
+        if (auto_signal() / (bright_of(values) * passed()) > most_gain)
+            return "scale it with --irradiance-scale, and --exposure-gain auto finds one";
+        return "--exposure-gain auto finds one";
     }
 
     void record_times() {

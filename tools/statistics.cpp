@@ -374,8 +374,8 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
                          number_text(row.moments.standard_deviation), number_text(row.moments.contrast, 4),
                          number_text(row.moments.skewness, 4), number_text(row.moments.minimum),
                          number_text(row.moments.maximum),
-                         std::isnan(row.top_share) ? "-" : fmt::format("{:.3f} %", 100 * row.top_share),
-                         fmt::format("{:.3f} %", 100 * row.zero_share),
+                         std::isnan(row.top_share) ? "-" : percent(row.top_share),
+                         percent(row.zero_share),
                          measured ? fmt::format("{:.2f} x {:.2f}", row.speckle_x, row.speckle_y) : "-"});
     }
     console.result(table(lines));

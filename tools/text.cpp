@@ -26,6 +26,10 @@ std::string table(const std::vector<std::vector<std::string>> &rows, const std::
     return text;
 }
 
+std::string percent(double share) {
+    return share < 1e-3 ? fmt::format("{:.2g} %", 100 * share) : fmt::format("{:.2f} %", 100 * share);
+}
+
 std::string wrapped(const std::string &text, const std::string &indent, std::size_t width) {
     std::istringstream words(text);
     std::string result;

@@ -14,6 +14,9 @@ namespace tools {
 /** Columns of text, left-aligned, the first row as header. */
 std::string table(const std::vector<std::vector<std::string>> &rows, const std::string &indent = "");
 
+/** "0.25 %": two digits behind the point, or as many as show that it is not 0. */
+std::string percent(double share);
+
 /** Words broken into lines that begin with an indent. */
 std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110);
 

@@ -95,23 +95,6 @@ struct CodeRange {
     }
 };
 
-// A lattice tells numbers but for a constant. Where light is clipped below the largest code that is stored, the number is
-// the converter's top code: the nearest 2^n - 1 that leaves no number below 0. At the largest code, storage clips.
-CodeLattice with_top_code(CodeLattice lattice, const CodeRange &range, const CaptureLayout &layout) {
-    if (range.clipped == 0 || range.clipped >= layout.maximum_code())
-        return lattice;
-    const double number = number_of(range.clipped, lattice), least = number_of(std::uint16_t(range.least), lattice);
-    std::optional<double> best;
-    for (unsigned bits = kMinCaptureBits; bits <= kMaxCaptureBits; ++bits) {
-        const double shift = std::ldexp(1.0, int(bits)) - 1.0 - number;
-        if (least + shift >= 0.0 && (!best || std::abs(shift) < std::abs(*best)))
-            best = shift;
-    }
-    if (best)
-        lattice.offset -= lattice.step * *best;
-    return lattice;
-}
-
 bool keeps_apart(const std::vector<std::uint16_t> &codes, const CodeLattice &lattice) {
     for (std::size_t k = 1; k < codes.size(); ++k)
         if (codes[k] - codes[k - 1] == 1 && number_of(codes[k], lattice) != number_of(codes[k - 1], lattice) + 1.0)
@@ -156,6 +139,32 @@ struct Camera {
     }
 };
 
+// A lattice tells numbers but for a constant. Where light is clipped below the largest code that is stored, the number
+// is the converter's top code: the nearest 2^n - 1 that leaves no number below 0. At the largest code, storage clips.
+CodeLattice with_top_code(CodeLattice lattice, const CodeRange &range, const Camera &camera) {
+    // Cameras amplify about the black level, or near it, by a part of it; and it is a small part of the range.
+    constexpr double kNearBlack = 0.125, kMostBlack = 0.125;
+    if (range.clipped == 0 || range.clipped >= camera.layout.maximum_code())
+        return lattice;
+    const double number = number_of(range.clipped, lattice), least = number_of(std::uint16_t(range.least), lattice);
+    std::optional<double> best;
+    for (unsigned bits = kMinCaptureBits; bits <= kMaxCaptureBits; ++bits) {
+        const double shift = std::ldexp(1.0, int(bits)) - 1.0 - number;
+        if (least + shift >= 0.0 && (!best || std::abs(shift) < std::abs(*best)))
+            best = shift;
+    }
+    if (!best)
+        return lattice;
+    const double offset = lattice.offset - lattice.step * *best;
+    // A gain alone explains numbers from 0 on, and a full well ends below the top code. Another offset is then that of
+    // a gain about the black level.
+    const double black = (camera.black_level_dn - offset) / lattice.step, stays = offset / (1.0 - lattice.step);
+    const bool about_black = std::abs(stays - black) <= kNearBlack * black && black <= kMostBlack * (number + *best);
+    if (taken_off(lattice) != 0.0 || about_black)
+        lattice.offset = offset;
+    return lattice;
+}
+
 std::string upper_bits(const Camera &camera, unsigned shift) {
     const CaptureLayout &layout = camera.layout;
     const CodeLattice lattice{std::ldexp(1.0, int(shift)), 0.0, 0, 0, 0};
@@ -191,7 +200,7 @@ unsigned bits_before(const CaptureLayout &layout, const CodeLattice &lattice, co
 
 // How to come back to the converter's codes.
 std::string back(const Camera &camera, const CodeLattice &told, const CodeRange &range) {
-    const CodeLattice lattice = with_top_code(told, range, camera.layout);
+    const CodeLattice lattice = with_top_code(told, range, camera);
     const double offset = taken_off(lattice);
     const std::string codes = offset == 0.0  ? "codes"
                               : offset < 0.0 ? fmt::format("(codes + {:.5g})", -offset)
@@ -210,7 +219,8 @@ std::string stretched(const Camera &camera, const CodeLattice &lattice, const Co
     return fmt::format("{} never occur: from {} to {} codes are {:.5g} apart, so that codes of fewer bits were "
                        "stretched, most likely of {} bits; {}",
                        share, lattice.first, lattice.last, step,
-                       bits_before(camera.layout, with_top_code(lattice, range, camera.layout), range), back(camera, lattice, range));
+                       bits_before(camera.layout, with_top_code(lattice, range, camera), range),
+                       back(camera, lattice, range));
 }
 
 std::string gaps_text(const Camera &camera, const CodeGaps &gaps, const CodeRange &range) {
@@ -246,8 +256,8 @@ std::optional<CaptureWarning> on_lattice(const Camera &camera, const std::string
     // Multiples of a number are on that of twice the number, too, with half of it as an offset. Words of 16 bits have
     // upper bits; in others a top code that is none of so many bits is that of a gain about another code than 0.
     const bool whole = !(lattice && lattice->step > std::ldexp(1.5, int(shift)));
-    const bool ends_elsewhere =
-        camera.layout.bits < kMaxCaptureBits && lattice && with_top_code(*lattice, range, camera.layout).offset != lattice->offset;
+    const bool ends_elsewhere = camera.layout.bits < kMaxCaptureBits && lattice &&
+                                with_top_code(*lattice, range, camera).offset != lattice->offset;
     if (shift > 0 && whole && !ends_elsewhere)
         return CaptureWarning{sequence, upper_bits(camera, shift), "upper_bits"};
     if (!lattice)

@@ -170,7 +170,7 @@ void Warnings::sequence(const SequenceSummary &s) {
                          *s.contrast));
     if (s.masked_fraction > kMostMasked)
         warn("mask", s.name,
-             fmt::format("its mask leaves {:.2f} % of the pixels: few statistics can be measured on so little",
+             fmt::format("its mask leaves {:.2g} % of the pixels: few statistics can be measured on so little",
                          100.0 * (1.0 - s.masked_fraction)));
 }
 

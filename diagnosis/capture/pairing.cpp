@@ -107,7 +107,8 @@ std::vector<std::uint8_t> common_mask(const std::vector<std::uint8_t> &a, const 
 
 } // namespace
 
-PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice) {
+PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice,
+                             const WhyNotCompared &why_not) {
     check_frames(real.layout, sim.layout);
     PairedCaptures result;
     result.notes = description_notes(real.layout, sim.layout, result.dots_apart);
@@ -116,6 +117,7 @@ PairedCaptures pair_captures(const Capture &real, const Capture &sim, const Part
     std::vector<std::size_t> real_numbers, sim_numbers;
     const auto partners = partners_of(real.layout, sim.layout);
     std::vector<bool> used(sim.layout.sequences.size(), false);
+    std::string reasons;
     for (std::size_t r = 0; r < real.layout.sequences.size(); ++r) {
         const SequenceLayout &a = real.layout.sequences[r];
         if (!partners[r]) {
@@ -125,6 +127,12 @@ PairedCaptures pair_captures(const Capture &real, const Capture &sim, const Part
         const std::size_t s = *partners[r];
         const SequenceLayout &b = sim.layout.sequences[s];
         used[s] = true;
+        if (const std::string reason = why_not ? why_not(r, s) : ""; !reason.empty()) {
+            result.left_out.push_back({a.name, b.name});
+            result.notes.push_back(reason);
+            reasons += (reasons.empty() ? "" : "; ") + reason;
+            continue;
+        }
         SequencePair pair;
         pair.real = a.name;
         pair.sim = b.name;
@@ -153,6 +161,12 @@ PairedCaptures pair_captures(const Capture &real, const Capture &sim, const Part
     for (std::size_t s = 0; s < used.size(); ++s)
         if (!used[s])
             result.sim_alone.push_back(sim.layout.sequences[s].name);
+    if (result.pairs.empty() && !reasons.empty())
+        throw Error(
+            Status::kInvalidData,
+            fmt::format("no pair of sequences can be compared: {}. Check that the files belong to the scenes that "
+                        "capture.json names, and record or render again with another exposure",
+                        reasons));
     if (result.pairs.empty())
         throw Error(Status::kInvalidArgument,
                     "no sequence of the real set has a partner of the same scene and motion in the simulated set; "

@@ -4,6 +4,7 @@
 #include "capture/judged_part.hpp"
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -22,14 +23,18 @@ struct PairedCaptures {
     // of frames.
     Capture real, sim;
     JudgedPart part; // of the real set; the same window and numbers of frames of the simulated one
-    std::vector<SequencePair> pairs;
+    std::vector<SequencePair> pairs, left_out;      // of those that are not compared, the names
     std::vector<std::string> real_alone, sim_alone; // names of sequences without a partner
     std::vector<std::string> notes;                 // what differs in the descriptions
     bool dots_apart = false;                        // the simulated set's dots are meant to be at other places
 };
 
+// Why two sequences, by their numbers, are not compared; empty: they are.
+using WhyNotCompared = std::function<std::string(std::size_t real, std::size_t sim)>;
+
 // By name where scene and motion agree, else by scene and motion, f-number before order. Throws kInvalidArgument where
-// the frames cannot be compared at all: sizes or bits that differ, no pair.
-PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice = {});
+// the frames cannot be compared at all: sizes or bits that differ, no pair. Pairs that are not compared have a note.
+PairedCaptures pair_captures(const Capture &real, const Capture &sim, const PartChoice &choice = {},
+                             const WhyNotCompared &why_not = {});
 
 } // namespace clsp

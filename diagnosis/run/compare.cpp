@@ -9,6 +9,7 @@
 #include "measure/downstream.hpp"
 #include "measure/evidence.hpp"
 #include "measure/verdict.hpp"
+#include "run/judgeable.hpp"
 #include "runtime/error.hpp"
 #include "simulator/finished_frames.hpp"
 
@@ -260,12 +261,6 @@ double noise_scatter(const std::shared_ptr<Context> &context, const Capture &dar
     return std::sqrt(std::max(0.0, (squares - sum * sum / kDraws) / (kDraws - 1)));
 }
 
-std::size_t number_of(const CaptureLayout &layout, const std::string &name) {
-    const auto found = std::find_if(layout.sequences.begin(), layout.sequences.end(),
-                                    [&](const SequenceLayout &s) { return s.name == name; });
-    return static_cast<std::size_t>(found - layout.sequences.begin());
-}
-
 } // namespace
 
 DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, const Capture &sim,
@@ -281,7 +276,14 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const std::vector<SequenceScan> real_scans = scan_capture(real), sim_scans = scan_capture(sim);
     check_dark(real.layout, real_scans, "real");
     check_dark(sim.layout, sim_scans, "simulated");
-    PairedCaptures captures = pair_captures(real, sim, options.part);
+    const CaptureSummary real_summary = summarize_capture(real), sim_summary = summarize_capture(sim);
+    PairedCaptures captures = pair_captures(real, sim, options.part, [&](std::size_t r, std::size_t s) {
+        const std::string &name = real.layout.sequences[r].name;
+        if (const std::string reason = why_not_judged(real.layout, real_summary, r); !reason.empty())
+            return left_out_note(name, reason);
+        const std::string reason = why_not_judged(sim.layout, sim_summary, s);
+        return reason.empty() ? reason : left_out_note(name, "of the simulator, " + reason);
+    });
     const auto levels_of = [&](const Capture &capture) {
         return camera_levels(darks_of(capture, options.part, captures.part.window));
     };
@@ -379,21 +381,28 @@ DiagnosisResult compare(std::shared_ptr<Context> context, const Capture &real, c
     const ReadNoiseComparison &noise = comparison->read_noise;
     const double noise_p = noise.excess ? noise.p_value / (1.0 - kStatisticsShare) : 1.0;
     const bool noise_gap = noise_p <= options.level;
-    // A sequence that is not of one scene, where the other set's is.
-    for (std::size_t s = 0; s < captures.pairs.size(); ++s) {
-        const std::size_t r = number_of(real.layout, captures.pairs[s].real);
-        const std::size_t of = number_of(sim.layout, captures.pairs[s].sim);
-        auto of_real = frame_changes(real.layout, r, real_scans[r], dark_level(real.layout, real_scans).level_dn);
-        auto of_sim = frame_changes(sim.layout, of, sim_scans[of], dark_level(sim.layout, sim_scans).level_dn);
-        if (of_real.empty() == of_sim.empty())
-            continue;
-        for (SequenceChange &change : of_sim)
-            change.text = "of the simulator, " + change.text;
-        for (SequenceChange &change : of_real.empty() ? of_sim : of_real) {
-            captures.notes.push_back(change.sequence + ": " + change.text);
-            result.frame_changes.push_back(std::move(change));
+    // A sequence that is not of one scene, where the other set's is. One that is left out for its frames without light
+    // is no reason to find no gap.
+    const auto changes_of = [](const CaptureSummary &summary, const std::string &sequence, bool compared) {
+        std::vector<SequenceChange> changes;
+        for (const SequenceChange &change : summary.frame_changes)
+            if (change.sequence == sequence && (compared || change.kind == kFramesWithoutLight))
+                changes.push_back(change);
+        return changes;
+    };
+    for (const bool compared : {true, false})
+        for (const SequencePair &pair : compared ? captures.pairs : captures.left_out) {
+            std::vector<SequenceChange> of_real = changes_of(real_summary, pair.real, compared);
+            std::vector<SequenceChange> of_sim = changes_of(sim_summary, pair.sim, compared);
+            if (of_real.empty() == of_sim.empty())
+                continue;
+            for (SequenceChange &change : of_sim)
+                change.text = "of the simulator, " + change.text;
+            for (SequenceChange &change : of_real.empty() ? of_sim : of_real) {
+                captures.notes.push_back(change.sequence + ": " + change.text);
+                result.frame_changes.push_back(std::move(change));
+            }
         }
-    }
     const bool steady = result.frame_changes.empty();
     const double frames_p = steady ? 1.0 : kChanceOfFrameChange;
     result.detected = test.detected || noise_gap || !steady;

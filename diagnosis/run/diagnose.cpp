@@ -11,6 +11,7 @@
 #include "measure/evidence.hpp"
 #include "measure/gap_stages.hpp"
 #include "measure/verdict.hpp"
+#include "run/judgeable.hpp"
 #include "runtime/error.hpp"
 #include "statistics/distributions.hpp"
 
@@ -68,51 +69,17 @@ std::uint32_t pool_seeds_of(const Capture &capture) {
         std::clamp(std::ceil(kNaming.usual_pixels / pixels), kNaming.least_seeds, kNaming.most_seeds));
 }
 
-// 0: all have light, or none has.
-std::size_t frames_without_light(const CaptureSummary &summary, const std::string &sequence) {
-    for (const SequenceChange &change : summary.frame_changes)
-        if (change.kind == kFramesWithoutLight && change.sequence == sequence)
-            return change.frames.size();
-    return 0;
-}
-
 // Numbers of the sequences that can be judged; notes say what cannot, and why.
 std::vector<std::size_t> judgeable(const Capture &capture, const CaptureSummary &summary, DiagnosisResult &result) {
     std::vector<std::size_t> judged;
-    const auto has_light = [](const SequenceSummary &seen) {
-        return seen.scene != CaptureScene::kDark && seen.level_above_dark_dn >= kNaming.least_light_dn &&
-               seen.saturated_fraction <= kMostClipped;
-    };
-    const bool any_light = std::any_of(summary.sequences.begin(), summary.sequences.end(), has_light);
-    for (std::size_t s = 0; s < capture.codes.size(); ++s) {
-        const SequenceLayout &sequence = capture.layout.sequences[s];
-        const SequenceSummary &seen = summary.sequences[s];
-        std::string reason;
-        const double unmasked =
-            std::round((1.0 - seen.masked_fraction) * static_cast<double>(capture.layout.pixel_count()));
-        if (unmasked < kNaming.least_pixels)
-            reason =
-                fmt::format("its mask leaves {:.0f} pixels; at least {} are needed", unmasked, kNaming.least_pixels);
-        else if (seen.saturated_fraction > kMostClipped)
-            reason = fmt::format("{:.0f} % of its pixels are at the top code, so that its light is not known",
-                                 100.0 * seen.saturated_fraction);
-        else if (sequence.scene != CaptureScene::kDark && seen.level_above_dark_dn < kNaming.least_light_dn)
-            reason = fmt::format("its mean is {:.2f} DN above the dark level, so there is no light to judge",
-                                 seen.level_above_dark_dn);
-        else if (sequence.scene != CaptureScene::kDark && seen.minimum == seen.maximum)
-            reason = fmt::format("all its codes are {}: no camera records light without noise", seen.minimum);
-        else if (const std::size_t dark = frames_without_light(summary, sequence.name); dark > 0)
-            reason = fmt::format("{} of its {} frames have no light", dark, sequence.frame_count);
-        // Coarse steps may hide the noise of a dark sequence, which light then shows.
-        else if (sequence.scene == CaptureScene::kDark && seen.minimum == seen.maximum && !any_light)
-            reason =
-                fmt::format("all its codes are {}: neither a black level nor noise is to be seen in it", seen.minimum);
-        if (!reason.empty()) {
-            result.left_out.push_back(sequence.name);
-            result.notes.push_back(fmt::format("{} was left out: {}", sequence.name, reason));
+    for (std::size_t s = 0; s < capture.layout.sequences.size(); ++s) {
+        const std::string &name = capture.layout.sequences[s].name;
+        if (const std::string reason = why_not_judged(capture.layout, summary, s); !reason.empty()) {
+            result.left_out.push_back(name);
+            result.notes.push_back(left_out_note(name, reason));
             continue;
         }
-        result.judged.push_back(sequence.name);
+        result.judged.push_back(name);
         judged.push_back(s);
     }
     return judged;

@@ -279,9 +279,9 @@ RENDER: dict[str, tuple[list, str, list]] = {
         [*SCENE, "--materials", "materials.json", "--material", "ids.npy"],
     ),
     "no_room": (
-        ["ideal.npy", "--exposure-gain", "auto", "--black-level", 900],
-        "the black level (900 dn) leaves no room for",
-        ["ideal.npy", "--exposure-gain", "auto", "--black-level", 64],
+        ["ideal.npy", "--exposure-gain", "auto", "--effect", "ambient_light:level_dn=2000"],
+        "--exposure-gain auto finds no room: the code without light, 64, and ambient light of 2000 dn leave nothing",
+        ["ideal.npy", "--exposure-gain", "auto", "--effect", "ambient_light:level_dn=900"],
     ),
     "too_dark": (
         ["tiny.npy", "--exposure-gain", "auto"],

@@ -52,6 +52,30 @@ def test_what_a_simulator_lacks(ok, tmp_path: Path) -> None:
     assert again.json() == report, "the same seed, the same report"
 
 
+@pytest.mark.parametrize("of_sim", [False, True])
+def test_sequences_without_light_are_left_out_as_by_a_diagnosis(cli, ok, tmp_path: Path, of_sim: bool) -> None:
+    """Frames without light among others, and a sequence that has none at all."""
+    write_set(tmp_path / "lit", 1, frames=16)
+    unlit = write_set(tmp_path / "unlit", 2, frames=16)
+    codes, dark = np.load(unlit / "flat.npy"), np.load(unlit / "dark.npy")
+    codes[1::2] = dark[::-2]
+    np.save(unlit / "flat.npy", codes)
+    compared = ["gap", "compare", *(("lit", "unlit") if of_sim else ("unlit", "lit")), "--json", "-", *QUICK]
+    report = ok(*compared).json()
+    note = "flat was left out: " + ("of the simulator, " if of_sim else "") + "8 of its 16 frames have no light"
+    assert note in report["notes"]
+    assert [pair["real"] for pair in report["compare"]["pairs"]] == report["coverage"]["sequences"] == ["dark"]
+    assert report["coverage"]["left_out"] == ["flat"]
+    assert report["cause"]["verdict"] == "unknown", "that is no reason to find no gap"
+    np.save(unlit / "flat.npy", dark[::-1])
+    report = ok(*compared).json()
+    assert any("flat was left out: " in note and "no light to judge" in note for note in report["notes"])
+    assert report["coverage"]["left_out"] == ["flat"]
+    np.save(unlit / "dark.npy", np.full_like(dark, 64))
+    message = cli(*compared).err
+    assert "no pair of sequences can be compared: dark was left out" in message
+
+
 def test_equal_sets(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "real", 1)
     write_set(tmp_path / "sim", 2)

@@ -141,8 +141,8 @@ def test_automatic_exposure_needs_light(refused, tmp_path: Path) -> None:
     np.save(tmp_path / "black.npy", np.zeros((48, 64), np.float32))
     assert "--exposure-gain" in refused("render", "black.npy", "-o", "out", "--exposure-gain", "auto")
     np.save(tmp_path / "dim.npy", np.full((48, 64), 0.1, np.float32))
-    message = refused("render", "dim.npy", "-o", "out", "--exposure-gain", "auto", "--black-level", 800)
-    assert "black level" in message
+    message = refused("render", "dim.npy", "-o", "out", "--exposure-gain", "auto", "--effect", "ambient_light:level_dn=2000")
+    assert "the code without light, 64, and ambient light of 2000 dn leave nothing of the range, which ends at 1023; lower them" in message
 
 
 def test_dark_frame(ok, refused, tmp_path: Path) -> None:

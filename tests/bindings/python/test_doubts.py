@@ -93,6 +93,7 @@ SCENES: dict[str, tuple[dict[str, Array], list[str]]] = {
     "zero_around": ({"depth": half(DEPTH, 0)}, []),
     "infinite_around": ({"depth": half(DEPTH, np.inf)}, []),
     "nan_around": ({"depth": half(DEPTH, np.nan)}, []),
+    "nan_around_in_three_channels": ({"depth": np.dstack([half(DEPTH, np.nan)] * 3)}, []),
     "largest_half_around": ({"depth": half(DEPTH, 65504)}, []),
     "1e10_around": ({"depth": half(DEPTH, 1e10)}, []),
     "far_plane": ({"depth": half(DEPTH, 1000)}, []),
@@ -221,6 +222,57 @@ def test_ambient_light_is_light(tmp_path: Path) -> None:
     program = of_program(tmp_path, "--depth", "depth.npy", *SCENE, *CAMERA, "--effect", "ambient_light",
                          depth=-DEPTH, texels=TEXELS)  # fmt: skip
     assert "the pattern brings no light" in program
+
+
+FULL: dict[str, tuple[Array, list[str], dict[str, Any], str]] = {
+    "ambient light over nothing": (
+        RAMP * 0, ["--effect", "ambient_light:level_dn=2000"], {"effects": {"ambient_light": {"level_dn": 2000.0}}},
+        "at the top code",
+    ),
+    "ambient light over dim light": (
+        RAMP * 1e-5, ["--effect", "ambient_light:level_dn=2000"], {"effects": {"ambient_light": {"level_dn": 2000.0}}},
+        "at the top code",
+    ),
+    "little ambient light": (
+        RAMP * 0, ["--effect", "ambient_light:level_dn=20"], {"effects": {"ambient_light": {"level_dn": 20.0}}}, ""
+    ),
+    "ambient light over light": (
+        RAMP, ["--effect", "ambient_light:level_dn=2000"], {"effects": {"ambient_light": {"level_dn": 2000.0}}},
+        "at the top code",
+    ),
+    "black level near the top": (RAMP * 1e-6, ["--black-level", "1000"], {"black_level_dn": 1000.0}, "half a code"),
+    "black level beyond half": (RAMP * 1e-6, ["--black-level", "700"], {"black_level_dn": 700.0}, "half a code"),
+    "a gain of nothing": (RAMP, ["--exposure-gain", "0"], {"exposure_gain_dn": 0.0}, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FULL)
+def test_what_fills_the_range_is_told_alike(tmp_path: Path, kind: str) -> None:
+    ideal, options, parameters, words = FULL[kind]
+    program = of_program(tmp_path, "ideal.npy", *options, ideal=ideal)
+    python = of_ideal(ideal, **parameters)
+    assert bool(program) == bool(words)
+    assert len(python) == (1 if words else 0)
+    assert words in program
+    assert words in "".join(python)
+    if "half a code" in words:  # what both advise leaves room, and is no more than that
+        assert "--exposure-gain auto finds one" in program
+        assert of_program(tmp_path, "ideal.npy", *options, "--exposure-gain", "auto", ideal=ideal) == ""
+        advice = re.search(r"exposure_gain_dn=(\S+ / float\(ideal\.max\(\)\)) the", python[0])
+        assert advice
+        assert of_ideal(ideal, **parameters, exposure_gain_dn=eval(advice[1], {"ideal": ideal})) == []
+    if "top code" in words:
+        assert "--exposure-gain auto" not in program
+        assert "exposure_gain_dn" not in python[0]
+
+
+def test_empty_arrays_are_refused_alike(tmp_path: Path) -> None:
+    for shape in ((0, 48, 64), (0, 64), (48, 0), (3, 48, 0), (48, 0, 3), (0, 48, 64, 3)):
+        with pytest.raises(subprocess.CalledProcessError) as program:
+            of_program(tmp_path, "ideal.npy", ideal=np.zeros(shape, np.float32))
+        with pytest.raises(clspeckle.errors.ClspeckleError, match="no side may be 0"):
+            clspeckle.simulate(np.zeros(shape, np.float32))
+        assert "no side may be 0" in program.value.stderr
 
 
 def test_darkness_that_simulate_is_given_has_a_way_out() -> None:

@@ -65,6 +65,46 @@ def test_the_program_and_python_agree(tmp_path: Path, kind: str) -> None:
             clspeckle.simulate(eval(advice[0][0], {"ideal": array}))
 
 
+@pytest.mark.parametrize("top", [1, 255])
+def test_visibilities_of_a_scene_agree(tmp_path: Path, top: int) -> None:
+    """Signed numbers tell no full scale: up to 1 they are taken as they are, and others are refused with a way out."""
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "depth": np.full(SHAPE, 1.0),
+        "texels": np.ones((8, 8)),
+        "visibility": np.where(CODES > 128, top, 0).astype(np.int32),
+    }
+    for name, array in arrays.items():
+        np.save(tmp_path / f"{name}.npy", array)
+    camera = ["--fx", "30", "--fy", "30", "--cx", "15.5", "--cy", "11.5", "--pattern", "texels.npy"]
+    extent = ["--pattern-half-extent-x", "0.9", "--pattern-half-extent-y", "0.9"]
+
+    def render(visibility: str) -> subprocess.CompletedProcess[str]:
+        command = [PROGRAM, "render", "--depth", "depth.npy", "--visibility", visibility, *camera, *extent, "-o", "out"]
+        options = ["--exposure-gain", "3000", "--seed", "5", "--format", "npy", "--no-preview"]
+        return subprocess.run([*command, *options], cwd=tmp_path, check=False, capture_output=True, text=True)
+
+    def python(visibility: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        pattern = clspeckle.Pattern(arrays["texels"], half_extent_x=0.9, half_extent_y=0.9)
+        pipeline = clspeckle.Pipeline.from_parameters(SHAPE, pattern=pattern, seed=5, exposure_gain_dn=3000.0)
+        planes = {"depth": arrays["depth"], "visibility": visibility}
+        return pipeline.render(clspeckle.Geometry(intrinsics=(30.0, 30.0, 15.5, 11.5), **planes))
+
+    done = render("visibility.npy")
+    if top > 1:
+        assert done.returncode != 0
+        assert "tells no full scale" in done.stderr
+        assert "visibility.npy:full_scale=255 divides its whole numbers" in done.stderr
+        with (
+            pytest.warns(UserWarning, match="tells no full scale"),
+            pytest.raises(clspeckle.errors.InvalidDataError, match="visibility / 255"),
+        ):
+            python(arrays["visibility"])
+        done = render("visibility.npy:full_scale=255")
+    assert done.returncode == 0, done.stderr
+    given = python(arrays["visibility"] / top)
+    np.testing.assert_array_equal(given, np.load(tmp_path / "out" / "frame_000000.npy"))
+
+
 def test_planes_of_a_scene() -> None:
     depth = np.full(SHAPE, 1.0)
     pattern = clspeckle.Pattern(np.ones((8, 8)))
@@ -78,8 +118,14 @@ def test_planes_of_a_scene() -> None:
         expected = ideal(**{name: (CODES / 255).astype(np.float32)})
         for array in (CODES.astype(np.uint8), CODES.astype(np.uint16) * 257):
             np.testing.assert_allclose(ideal(**{name: array}), expected, rtol=1e-6)
-    with pytest.raises(clspeckle.errors.ClspeckleError, match="uint16"):
+    ones = np.ones(SHAPE, np.int32)
+    np.testing.assert_array_equal(ideal(visibility=ones), ideal())
+    with (
+        pytest.warns(UserWarning, match="tells no full scale") as doubts,
+        pytest.raises(clspeckle.errors.InvalidDataError, match=r"values from 0 to 1; .*visibility / 255 brings codes"),
+    ):
         ideal(visibility=CODES.astype(np.int32))
+    assert len(doubts) == 1
     with pytest.warns(UserWarning, match=r"tells no full scale|above 1") as told:
         ideal(albedo=CODES.astype(np.int32))
     assert len(told) == 2

@@ -230,6 +230,33 @@ def test_gains_about_any_code_are_taken_back(found, kind: str, light: float) -> 
         assert all(np.array_equal(back[name], arrays[name]) for name in arrays), "the converter's own codes"
 
 
+@pytest.mark.parametrize("gain", [1.3, 1.9, 2.0, 2.2, 3.0, 4.0])
+@pytest.mark.parametrize("end", [600, 900, 1000])
+def test_a_full_well_below_the_top_code_is_no_offset(found, gain: float, end: int) -> None:
+    """A gain alone explains such codes; that their light is clipped below the top code is told once they are taken back."""
+    arrays, camera = recorded(7, frames=16)
+    random = np.random.default_rng(5)
+    for name in ("board_static", "board_moving"):
+        codes = arrays[name].astype(np.float64)
+        brighter = 64 + (codes - 64) * 2.5 + random.uniform(-1.5, 1.5, codes.shape)
+        arrays[name] = np.minimum(np.where(codes > 64, np.rint(brighter), codes), end).astype(np.uint16)
+    stretched = {name: np.rint(codes * gain) for name, codes in arrays.items()}
+    (text,) = [w["text"] for w in found(stretched, {"bits": 12, "black_level_dn": 64 * gain, "read_noise_dn": 4 * gain})
+               if w["kind"] in ("stretched_codes", "upper_bits")]  # fmt: skip
+    advice = re.search(
+        r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text
+    ) or re.search(r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text)
+    assert advice, text
+    divide = re.search(r"ivide the codes by (\d+)", text)
+    for name, codes in stretched.items():
+        back = np.rint(eval(advice[1], {"codes": codes}) / int(divide[1] if divide else 1))
+        np.testing.assert_array_equal(back, arrays[name], text)
+    assert int(advice[2]) == (11 if divide and gain == 2 else 10), "words of 12 bits have so many left"
+    assert float(advice[3]) == pytest.approx(64, abs=0.2)
+    again = {"bits": int(advice[2]), "black_level_dn": float(advice[3]), "read_noise_dn": float(advice[4])}
+    assert "clipped_below_top" in kinds(found(arrays, again))
+
+
 @pytest.mark.parametrize("gain", [1.5, 2.5, 3.0])
 def test_where_storage_clips_no_code_is_the_converters_top(found, gain: float) -> None:
     """A camera of 12 bits, its codes amplified: what is clipped there may be any code of the converter."""

@@ -155,10 +155,17 @@ def has_channels(shape: tuple[int, ...]) -> bool:
     return len(shape) == 4 or (len(shape) == 3 and shape[2] <= 4 < shape[1])
 
 
+def refuse_empty(given: npt.NDArray[Any], name: str) -> None:
+    """Refuses an array without numbers."""
+    if given.size == 0:
+        raise errors.InvalidArgumentError(f"{name} is an empty array of shape {given.shape}; no side may be 0")
+
+
 def frames_of(given: npt.NDArray[Any], name: str) -> npt.NDArray[Any]:
     """An array of (height, width) or (frames, height, width), either with channels behind; (frames, 1, height, width)
     is taken, too."""
     shape = given.shape
+    refuse_empty(given, name)
     if len(shape) == 4 and shape[1] <= 4 < shape[3]:
         if shape[1] > 1:
             raise errors.InvalidArgumentError(
@@ -172,6 +179,15 @@ def frames_of(given: npt.NDArray[Any], name: str) -> npt.NDArray[Any]:
             "behind or none"
         )
     return given
+
+
+def _alike(given: npt.NDArray[Any]) -> bool:
+    """Whether the color channels of (..., channels) are the same; NaN is NaN."""
+    colors, first = given[..., 1:3], given[..., :1]
+    same = colors == first
+    if given.dtype.kind == "f" and not same.all():
+        same |= np.isnan(colors) & np.isnan(first)
+    return bool(same.all())
 
 
 def one_image(
@@ -203,7 +219,7 @@ def one_image(
             f"the last of the {channels} channels of {name} is taken as opacity and ignored; other channels are "
             f"{name}[..., 0] and the like"
         )
-    if channels < 3 or not check or bool((given[..., 1:3] == given[..., :1]).all()):
+    if channels < 3 or not check or _alike(given):
         return first
     if not mean:
         raise errors.InvalidArgumentError(
@@ -225,8 +241,7 @@ def check_shape(given: npt.NDArray[Any], name: str, expected: tuple[int | None, 
         if _fits(given.shape[1:], expected):
             advice = f"; one of {given.shape[0]} is {name}[0]"
         raise errors.InvalidArgumentError(f"{name} has shape {given.shape}, expected {shape_text(expected)}{advice}")
-    if given.size == 0:
-        raise errors.InvalidArgumentError(f"{name} has no pixels (shape {given.shape}); at least one is needed")
+    refuse_empty(given, name)
 
 
 def float_plane(

@@ -286,11 +286,12 @@ class Exposure:
         self.ambient = self.ambient_dn >= self.least
         self.looked = False
         """Whether a frame was looked at that is not saturated."""
-        self.half = math.inf
+        self.half = self.room = math.inf
         self.black, self.ends = (0.0, 0.0), (math.inf, math.inf)
         """Of codes, and of floating-point numbers."""
         if converter is not None:
             self.half = min(2.0 ** (self.bits - 1), converter.signal_dn / 2)
+            self.room = min(converter.top_dn - converter.offset_dn, converter.signal_dn) - self.ambient_dn
             unit = converter.float_full_scale / (2.0**self.bits - 1)
             self.black = (converter.offset_dn, converter.offset_dn * unit)
             # Half a code below the top, against rounding.
@@ -313,13 +314,27 @@ class Exposure:
         is_float = frame.dtype.kind == "f"
         return not self.looked or signal >= SATURATED * (self.ends[is_float] - self.black[is_float])
 
+    def _no_room(self) -> str:
+        """What fills the range."""
+        if self.ambient_dn > 0:
+            fill, lower = f"and ambient light of {self.ambient_dn:g} dn leave", "them"
+        else:
+            fill, lower = "leaves", "it"
+        code = 0.0 if self.converter is None else self.converter.offset_dn
+        return (
+            f"no gain helps: the code without light, {code:g} (black_level_dn and dark_frame_dn), {fill} nothing of "
+            f"the range; lower {lower}"
+        )
+
     def _numbers(self) -> str:
         part = "" if self.passed == 1 else f", and the part that the aperture passes, {self.passed:.3g}"
         return f"the gain, {self.sensor_gain:g} dn{part}"
 
     def _advice(self, name: str, largest: float, full: int) -> str:
-        """How the brightest number comes to half of full scale."""
-        gain = self.half * (full or 1) / self.passed
+        """How the brightest number comes to half of full scale, or of what is left of it."""
+        if self.room <= 0:
+            return self._no_room()
+        gain = min(self.half, self.room / 2) * (full or 1) / self.passed
         if gain > MOST_GAIN_DN * largest:
             return f"{name} / float({name}.max()) makes the brightest number 1"
         words = f"exposure_gain_dn={gain:.6g}"
@@ -383,7 +398,7 @@ class Exposure:
             light: the ideal image, None if it is not known.
             name: of the argument that is the ideal image; empty: none is.
         """
-        if self.converter is None:
+        if self.converter is None or (light is not None and not name and not self.ambient and self._is_dark(light)):
             return
         end = self.ends[frame.dtype.kind == "f"]
         lit = None if light is None or self.ambient or self.gain <= 0 else light
@@ -405,6 +420,9 @@ class Exposure:
                 f"{self.converter.signal_dn:g} dn, where their signal ends below the top code (saturation_dn, "
                 "full_well_e or the effect full_well)"
             )
+        if self.room <= 0:
+            warn(f"{told}: {self._no_room()}")
+            return
         if not name or light is None:
             warn(f"{told}: the gain is {self.sensor_gain:g} dn for light of 1; a smaller one helps")
             return

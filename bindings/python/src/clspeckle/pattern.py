@@ -134,10 +134,6 @@ def _visibilities(value: Any, name: str, shape: tuple[int, int]) -> npt.NDArray[
         _check.check_shape(given, name, shape)
         plane: npt.NDArray[np.uint8] = np.ascontiguousarray(given, dtype=np.uint8)
         return plane * np.uint8(255) if given.dtype == np.bool_ else plane
-    if given.dtype.kind != "f" and not (given.dtype.kind == "u" and given.dtype.itemsize == 2):
-        raise errors.InvalidFormatError(
-            f"{name} has dtype {given.dtype}, expected bool, uint8 (0 to 255), uint16 (0 to 65535) or floats"
-        )
     light = _check.light_plane(given, name, shape, mean=False)
     _check.within(light, name, 0.0, 1.0)
     return light
