@@ -51,6 +51,8 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.min_amplitude_dn, p.detector.min_amplitude_dn);
     field(d.threshold_sigmas, p.detector.threshold_sigmas);
     field(d.min_correlation, p.detector.min_correlation);
+    field(d.relative_diameter, p.detector.relative_diameter);
+    field(d.speckle_contrast, p.detector.speckle_contrast);
     field(d.epipolar_tolerance_px, p.identification.epipolar_tolerance_px);
     field(d.min_confidence, p.identification.min_confidence);
     field(d.projection, p.geometry.directions, "desc->projection");
@@ -225,8 +227,10 @@ CLSP_API const char *clspDepthWarningString(uint32_t warning) {
     case CLSP_DEPTH_WARNING_FEW_PLACED:
         return "fewer than half of the dots were placed; check the geometry, the list of dots and the range of depth";
     case CLSP_DEPTH_WARNING_EPIPOLAR:
-        return "the dots lie beside their lines by more than their noise; check laser_from_camera, the intrinsics and "
-               "the distortion";
+        return "the dots lie beside their lines by more than their standard deviations explain, and depths err "
+               "likewise; "
+               "check laser_from_camera, the intrinsics, the distortion, and that relative_diameter and "
+               "speckle_contrast are those of the lens and the light";
     case CLSP_DEPTH_WARNING_SATURATED:
         return "more than a tenth of the dots are saturated; shorten the exposure";
     case CLSP_DEPTH_WARNING_MERGED:

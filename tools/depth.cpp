@@ -155,6 +155,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
     const std::vector<double> directions = projected(std::move(dots), desc.projection, arguments.dots);
     desc.near_m = arguments.near_m.value_or(desc.near_m);
     desc.far_m = arguments.far_m.value_or(desc.far_m);
+    desc.relative_diameter = arguments.relative_diameter.value_or(desc.relative_diameter);
     desc.directions = directions.data();
     desc.direction_count = directions.size() / 2;
 

@@ -33,6 +33,7 @@ struct DepthArguments {
         clspeckle::make<ClspDepthDesc>(); ///< What the options say; sizes, dots and geometry come from files.
     std::optional<double> near_m;         ///< Over what the geometry file says.
     std::optional<double> far_m;
+    std::optional<double> relative_diameter;
 };
 
 /** The options of the command. */

@@ -182,6 +182,14 @@ void read_geometry(const std::string &path, ClspDepthDesc &desc) {
     desc.fy_px = number_at(camera, path, "camera", "fy_px");
     desc.cx_px = number_at(camera, path, "camera", "cx_px");
     desc.cy_px = number_at(camera, path, "camera", "cy_px");
+    if (camera.contains("f_number") && camera.contains("pixel_pitch_m") && laser.is_object() &&
+        laser.contains("wavelength_m")) {
+        const double grain_m =
+            number_at(laser, path, "laser", "wavelength_m") * number_at(camera, path, "camera", "f_number");
+        if (!(grain_m > 0.0))
+            throw InputError(fmt::format("{}: camera.f_number and laser.wavelength_m must be above 0", path));
+        desc.relative_diameter = number_at(camera, path, "camera", "pixel_pitch_m") / grain_m;
+    }
     const auto numbers = [&](const Json &json, const char *name, std::size_t count) {
         const bool good = json.is_array() && json.size() == count &&
                           std::all_of(json.begin(), json.end(), [](const Json &value) { return value.is_number(); });

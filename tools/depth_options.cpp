@@ -44,6 +44,12 @@ Examples:
     app.add_option("--far-m", a.far_m, "Largest depth in m (default: the geometry file's, else 10)")
         ->type_name("NUMBER")
         ->take_last();
+    app.add_option(
+           "--relative-diameter", a.relative_diameter,
+           "Pixel pitch / (wavelength * f-number), for what speckle does to centres; 0: without (default: of the "
+           "geometry file's lens)")
+        ->type_name("NUMBER")
+        ->take_last();
     const auto number = [&](const char *name, auto &value, const char *what) {
         add_number_with_default(app, name, value, what);
     };
@@ -56,6 +62,7 @@ Examples:
     number("--min-amplitude-dn", d.min_amplitude_dn, "Dots below it are not looked at");
     number("--threshold-sigmas", d.threshold_sigmas, "Of the noise, where it is known");
     number("--min-correlation", d.min_correlation, "With the expected dot, 0 to below 1");
+    number("--speckle-contrast", d.speckle_contrast, "Of the light, 0 to 1; unpolarized: 0.71");
     number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
     number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
     number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000");

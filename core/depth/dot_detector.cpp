@@ -14,6 +14,7 @@ namespace {
 constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of depth/dot_detector.cl
 constexpr int kPasses = 12;                     // neighbours' light is taken off ever more exactly
 constexpr int kMaxIterations = 20;              // of one fit in one pass
+constexpr double kLeastDiameter = 1e-3;         // grains of 1000 px: no lens that makes dots
 constexpr double kMergedSigma = 1.6;            // wider than so many expected ones: two dots in one
 
 void check(const DotDetectorParameters &p) {
@@ -40,6 +41,23 @@ void check(const DotDetectorParameters &p) {
     if (!(p.min_correlation >= 0.0 && p.min_correlation < 1.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("min_correlation is {}, it must be 0 to below 1", p.min_correlation));
+    if (!(p.relative_diameter == 0.0 ||
+          (p.relative_diameter >= kLeastDiameter && p.relative_diameter <= kLargestNumber)))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("relative_diameter is {}, it must be 0 (not known) or at least {} cycles per pixel: "
+                                "pixel pitch / (wavelength * f-number)",
+                                p.relative_diameter, kLeastDiameter));
+    if (!(p.speckle_contrast >= 0.0 && p.speckle_contrast <= 1.0))
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("speckle_contrast is {}, it must be 0 to 1", p.speckle_contrast));
+}
+
+// Squared contrast times correlation area, px^2: the integral of the covariance of speckle over its squared mean.
+// Averaging over pixels leaves it as it is. The area is the inverse of the pupil's (Goodman, Speckle Phenomena in
+// Optics, 2007, section 4.5).
+double speckle_area(const DotDetectorParameters &p) {
+    const double pi = 3.14159265358979323846, d = p.relative_diameter, c = p.speckle_contrast;
+    return d > 0.0 ? 4.0 * c * c / (pi * d * d) : 0.0;
 }
 
 template <typename T>
@@ -127,7 +145,7 @@ void DotDetector::enqueue(CommandChain &chain, const ImageView &image) {
     const cl_float4 limits = {
         {number(p.dot_sigma_px),
          p.saturation_dn > 0.0 ? number(p.saturation_dn) : std::numeric_limits<cl_float>::infinity(),
-         number(kMergedSigma), 0.0f}};
+         number(kMergedSigma), number(speckle_area(p))}};
 
     KernelArguments(reset_).add(counters_.get());
     chain.run("dot_detector", reset_, 4);

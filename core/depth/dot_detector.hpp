@@ -22,6 +22,8 @@ struct DotDetectorParameters {
     double min_amplitude_dn = 0.0;
     double threshold_sigmas = 5.0;
     double min_correlation = 0.6;
+    double relative_diameter = 0.0; // of the lens, cycles per pixel; 0: speckle is unknown
+    double speckle_contrast = 1.0;
 };
 
 // Bits of DetectedDot::flags; the numbers are those of CLSP_DOT_*, capi asserts that they agree.

@@ -10,11 +10,20 @@
 namespace clsp {
 namespace {
 
-std::string with_deviation(const QuantityMean &value) {
+// scatter: of such values, where this one has no deviation of its own.
+std::string with_deviation(const QuantityMean &value, double scatter) {
     if (!std::isfinite(value.mean))
         return "–";
-    return std::isfinite(value.deviation) ? fmt::format("{} ± {}", figure(value.mean), figure(value.deviation))
-                                          : figure(value.mean);
+    const std::string mean = rounded(value.mean, std::isfinite(value.deviation) ? value.deviation : scatter);
+    return std::isfinite(value.deviation) ? fmt::format("{} ± {:.2g}", mean, value.deviation) : mean;
+}
+
+// Beyond twice what simulated captures scatter by, or scatter and difference are not known.
+bool differs(const DatasheetQuantity &quantity) {
+    if (quantity.versions.size() < 2)
+        return true;
+    const QuantityMean &real = quantity.versions[0], &sim = quantity.versions[1];
+    return !(std::abs(real.mean - sim.mean) <= 2.0 * sim.deviation);
 }
 
 void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage &page) {
@@ -126,14 +135,17 @@ void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
         numbers.push_back(head.size());
         head.push_back(version_name(static_cast<Version>(v)));
     }
-    std::vector<std::vector<std::string>> rows;
+    std::vector<std::vector<std::string>> unlike, alike;
     for (const DatasheetQuantity &quantity : datasheet.quantities) {
+        auto &rows = differs(quantity) ? unlike : alike;
         rows.push_back({quantity.sequence.empty() ? "dark and flat" : quantity.sequence, quantity.name,
                         explain_quantity(quantity.name), explain_unit(quantity.unit)});
         for (const QuantityMean &value : quantity.versions)
-            rows.back().push_back(with_deviation(value));
+            rows.back().push_back(with_deviation(value, versions > 1 ? quantity.versions[1].deviation : 0.0));
     }
-    page.table(head, rows, numbers);
+    if (!unlike.empty())
+        page.table(head, unlike, numbers);
+    page.folded("Quantities within twice the simulator's scatter", head, alike, numbers);
     write_photon_transfer(datasheet.transfer, page);
     write_credibility(result, page);
     write_acceptance(result, page);

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <functional>
 
 namespace clsp {
 namespace {
+
+constexpr std::uint32_t kStripWidth = 320; // px; a narrow page makes them smaller
 
 using PictureOf = Picture VersionEvidence::*;
 
@@ -134,6 +137,35 @@ void write_dot_profile(const SequenceEvidence &sequence, HtmlPage &page) {
 
 } // namespace
 
+void write_strip(const DiagnosisResult &result, HtmlPage &page) {
+    if (!result.evidence)
+        return;
+    const auto differs = [&](const SequenceEvidence &sequence) {
+        return std::any_of(result.places.begin(), result.places.end(), [&](const GapPlace &place) {
+            return place.statistic.sequence == sequence.name && place.p_adjusted < result.level;
+        });
+    };
+    const auto write = [&](const SequenceEvidence &sequence) {
+        write_pictures(sequence, &VersionEvidence::first_frame, sequence.name + ": first frame.", kStripWidth, page);
+    };
+    const std::vector<SequenceEvidence> &sequences = result.evidence->sequences;
+    page.raw("<section id=\"strip\">\n");
+    page.heading(2, "What it looks like");
+    for (const SequenceEvidence &sequence : sequences)
+        if (differs(sequence))
+            write(sequence);
+    const auto alike = std::count_if(sequences.begin(), sequences.end(), std::not_fn(differs));
+    if (alike > 0) {
+        page.raw(fmt::format("<details><summary>{} in which no statistic differs beyond chance</summary>\n",
+                             alike == 1 ? "A sequence" : fmt::format("{} sequences", alike)));
+        for (const SequenceEvidence &sequence : sequences)
+            if (!differs(sequence))
+                write(sequence);
+        page.raw("</details>\n");
+    }
+    page.raw("</section>\n");
+}
+
 void write_evidence(const DiagnosisResult &result, HtmlPage &page) {
     if (!result.evidence)
         return;
@@ -157,7 +189,6 @@ void write_evidence(const DiagnosisResult &result, HtmlPage &page) {
                 fmt::format("Pictures are shown with squares of {0} x {0} pixels averaged.", sequence.averaged_px));
         const Picture &frame = sequence.versions.front().first_frame;
         const std::uint32_t width = std::clamp<std::uint32_t>(frame.width, 240, 320);
-        write_pictures(sequence, &VersionEvidence::first_frame, "First frame.", width, page);
         write_pictures(sequence, &VersionEvidence::mean_image, fmt::format("Mean of {} frames.", sequence.frame_count),
                        width, page);
         write_pictures(sequence, &VersionEvidence::temporal_deviation,

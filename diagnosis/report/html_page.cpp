@@ -39,6 +39,19 @@ std::string figure(double value) {
     return std::isfinite(value) ? fmt::format("{:.3g}", value) : "–";
 }
 
+std::string rounded(double value, double uncertainty) {
+    if (!std::isfinite(value) || !(uncertainty > 0.0) || !std::isfinite(uncertainty))
+        return figure(value);
+    constexpr int kMostDecimals = 6; // beyond, powers of ten are shorter
+    const int decimals = 1 - static_cast<int>(std::floor(std::log10(uncertainty)));
+    const double step = std::pow(10.0, -decimals), nearest = std::round(value / step) * step;
+    if (nearest == 0.0)
+        return "0";
+    const int digits = static_cast<int>(std::floor(std::log10(std::abs(nearest)))) + decimals + 1;
+    return decimals > kMostDecimals ? fmt::format("{:.{}g}", nearest, std::clamp(digits, 1, 15))
+                                    : fmt::format("{:.{}f}", nearest, std::max(decimals, 0));
+}
+
 std::string probability(double value) {
     if (!std::isfinite(value))
         return "–";
@@ -80,6 +93,15 @@ void HtmlPage::table(const std::vector<std::string> &head, const std::vector<std
         text_ += "</tr>\n";
     }
     text_ += "</tbody></table></div>\n";
+}
+
+void HtmlPage::folded(const std::string &summary, const std::vector<std::string> &head,
+                      const std::vector<std::vector<std::string>> &rows, const std::vector<std::size_t> &numbers) {
+    if (rows.empty())
+        return;
+    text_ += "<details><summary>" + escaped(summary) + "</summary>\n";
+    table(head, rows, numbers);
+    text_ += "</details>\n";
 }
 
 void HtmlPage::picture(const Picture &image, const std::string &description, std::uint32_t shown_width) {

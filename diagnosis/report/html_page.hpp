@@ -15,6 +15,9 @@ using image_io::JsonText;
 std::string escaped(const std::string &text);
 // Three significant digits; a dash for what is not finite.
 std::string figure(double value);
+// As many digits as the uncertainty, a standard deviation, leaves: its second digit is the last one. Without one:
+// figure().
+std::string rounded(double value, double uncertainty);
 // A probability: what is less than a thousandth is said to be so.
 std::string probability(double value);
 
@@ -28,6 +31,9 @@ class HtmlPage {
     // Columns whose index is in `numbers` are set to the right.
     void table(const std::vector<std::string> &head, const std::vector<std::vector<std::string>> &rows,
                const std::vector<std::size_t> &numbers = {});
+    // A table that a click unfolds; nothing without rows.
+    void folded(const std::string &summary, const std::vector<std::string> &head,
+                const std::vector<std::vector<std::string>> &rows, const std::vector<std::size_t> &numbers = {});
     void picture(const Picture &image, const std::string &description, std::uint32_t shown_width);
     // Drawn by Vega.
     void plot(const JsonText &specification, const std::string &caption);

@@ -1,6 +1,7 @@
 #include "report/paste.hpp"
 
 #include "effects/effects.hpp"
+#include "report/profile_json.hpp"
 
 #include <algorithm>
 #include <fmt/format.h>
@@ -150,22 +151,30 @@ PasteTexts paste_texts(const CameraProfile &profile) {
 
 void write_paste(const CameraProfile &profile, HtmlPage &page) {
     const PasteTexts texts = paste_texts(profile);
+    CameraProfile bare = profile; // maps are files of their own
+    bare.dark_map.reset();
+    bare.gain_map.reset();
+    bare.map_notes.clear();
+    const std::string file = profile_json(bare);
     page.raw("<section id=\"paste\">\n");
     page.heading(2, "To paste");
     page.paragraph(
         "The camera that was found, with all effects of the last model. diagnose --profile writes it as a file, "
-        "which render --profile and all interfaces load. Gains are those of the capture's light, a condition of "
+        "which render --profile and all interfaces load, with the maps of its own pixels beside it; below it stands "
+        "without them. Gains are those of the capture's light, a condition of "
         "the lab.");
-    for (const auto &[name, text] :
-         {std::pair{"Command line", &texts.command_line}, {"Python", &texts.python}, {"C", &texts.c}}) {
-        page.heading(3, name);
+    for (const auto &[name, text] : {std::pair{"Command line", &texts.command_line},
+                                     {"Python", &texts.python},
+                                     {"C", &texts.c},
+                                     {"Profile", &file}}) {
+        page.raw(fmt::format("<details{}><summary>{}</summary>\n", text == &texts.command_line ? " open" : "", name));
         std::string lines;
         for (std::size_t begin = 0; begin < text->size();) {
             const std::size_t end = std::min(text->find('\n', begin), text->size());
             lines += escaped(text->substr(begin, end - begin)) + "\n";
             begin = end + 1;
         }
-        page.raw("<pre>" + lines + "</pre>\n");
+        page.raw("<pre>" + lines + "</pre>\n</details>\n");
     }
     page.raw("</section>\n");
 }

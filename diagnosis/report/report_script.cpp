@@ -64,6 +64,10 @@ document.querySelectorAll("script.vega-specification").forEach(function (element
         failed(error);
     }
 });
+// Paper cannot be clicked.
+window.addEventListener("beforeprint", function () {
+    document.querySelectorAll("details").forEach(function (element) { element.open = true; });
+});
 })();
 )TEXT";
 

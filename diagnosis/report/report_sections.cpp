@@ -23,11 +23,6 @@ std::string percent(double share) {
     return std::isfinite(share) ? fmt::format("{:.0f} %", 100.0 * share) : "–";
 }
 
-// Intervals may be narrow.
-std::string precise(double value) {
-    return std::isfinite(value) ? fmt::format("{:.4g}", value) : "–";
-}
-
 const RankedEffect *find_ranked(const std::vector<RankedEffect> &list, const std::string &effect) {
     const auto found =
         std::find_if(list.begin(), list.end(), [&](const RankedEffect &ranked) { return ranked.effect == effect; });
@@ -85,6 +80,26 @@ void write_screening(const DiagnosisResult &result, HtmlPage &page) {
     page.raw("</details>\n");
 }
 
+void write_rungs(const DiagnosisResult &result, HtmlPage &page) {
+    if (result.rungs.empty())
+        return;
+    std::vector<std::vector<std::string>> scenes;
+    for (const RungResult &rung : result.rungs)
+        scenes.push_back({scene_name(rung.scene), verdict_name(rung.verdict), figure(rung.distance_before),
+                          figure(rung.distance_after), probability(rung.residual_p_value), joined(rung.effects)});
+    page.table({"scene", "verdict", "distance", "with the effects", "p of what is left",
+                "effects that take something away here"},
+               scenes, {2, 3, 4});
+    page.paragraph("From the back of the light path: the dark shows the sensor alone, flats its gains and the lens, "
+                   "boards the speckle, dots the pattern. What one scene leaves unexplained takes no effect of "
+                   "another scene away.");
+}
+
+// The standard deviation that z counts in.
+double deviation_of(const GapPlace &place) {
+    return std::abs(place.real - place.sim) / std::abs(place.z);
+}
+
 } // namespace
 
 void write_summary(const DiagnosisResult &result, HtmlPage &page) {
@@ -97,6 +112,7 @@ void write_summary(const DiagnosisResult &result, HtmlPage &page) {
                    "word");
     page.paragraph(verdict_sentence(result), "sentence");
     page.raw("</section>\n");
+    write_rungs(result, page);
     std::vector<std::vector<std::string>> rows;
     rows.push_back(
         {"Is there a gap?", result.detected ? "yes" : "no",
@@ -150,18 +166,25 @@ void write_places(const DiagnosisResult &result, HtmlPage &page) {
                               ? ""
                               : " Right: with the effects found in the simulator. What turned pale is explained."));
     page.heading(3, "The worst statistics");
-    std::vector<std::vector<std::string>> rows;
+    std::vector<std::vector<std::string>> rows, alike;
     for (std::size_t i = 0; i < std::min(kWorstStatistics, result.places.size()); ++i) {
         const GapPlace &place = result.places[i];
-        rows.push_back({place.statistic.sequence, place.statistic.stage, place.statistic.name,
+        (place.p_adjusted < result.level ? rows : alike)
+            .push_back({place.statistic.sequence, place.statistic.stage, place.statistic.name,
                         explain_statistic(place.statistic.name), explain_region(place.statistic.region),
-                        figure(place.real), figure(place.sim), explain_unit(place.statistic.unit),
+                        rounded(place.real, deviation_of(place)), rounded(place.sim, deviation_of(place)),
+                        explain_unit(place.statistic.unit),
                         fmt::format("{:.1f}", place.z), probability(place.p_adjusted),
                         result.steps.empty() ? "–" : fmt::format("{:.1f}", place.z_after)});
     }
-    page.table({"sequence", "stage", "statistic", "what it measures", "where in the image", "real", "simulated", "unit",
-                "z", "p (adjusted)", "z with effects"},
-               rows, {5, 6, 8, 9, 10});
+    const std::vector<std::string> head = {
+        "sequence", "stage", "statistic", "what it measures", "where in the image", "real",
+        "simulated", "unit", "z", "p (adjusted)", "z with effects"};
+    if (rows.empty())
+        page.paragraph("None differs beyond chance.");
+    else
+        page.table(head, rows, {5, 6, 8, 9, 10});
+    page.folded("The next ones, which do not differ beyond chance", head, alike, {5, 6, 8, 9, 10});
     page.paragraph("The adjusted p counts all statistics: where it is below the level, the statistic differs even "
                    "though it was picked as the "
                    "worst of many.");
@@ -188,19 +211,6 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
             items.push_back(fmt::format("{} (equally likely): {}", effect, explain_effect(result, effect)));
     if (!items.empty())
         page.list(items);
-    if (!result.rungs.empty()) {
-        page.heading(3, "Scene by scene");
-        page.paragraph("From the back of the light path: the dark shows the sensor alone, flats its gains and the lens, "
-                       "boards the speckle, dots the pattern. What one scene leaves unexplained takes no effect of "
-                       "another scene away.");
-        std::vector<std::vector<std::string>> scenes;
-        for (const RungResult &rung : result.rungs)
-            scenes.push_back({scene_name(rung.scene), verdict_name(rung.verdict), figure(rung.distance_before),
-                              figure(rung.distance_after), probability(rung.residual_p_value), joined(rung.effects)});
-        page.table({"scene", "verdict", "distance", "with the effects", "p of what is left",
-                    "effects that take something away here"},
-                   scenes, {2, 3, 4});
-    }
     if (result.ranking.empty()) {
         page.paragraph(result.detected ? "No effect of the catalogue brought the simulator nearer to the real frames."
                                        : "Without a gap no cause was looked for.");
@@ -224,9 +234,12 @@ void write_cause(const DiagnosisResult &result, HtmlPage &page) {
     if (!result.parameters.empty()) {
         page.heading(3, "Parameters of the effects found");
         std::vector<std::vector<std::string>> rows;
-        for (const FittedParameter &parameter : result.parameters)
-            rows.push_back({parameter.effect, parameter.name, precise(parameter.value), precise(parameter.low),
-                            precise(parameter.high), unit_of(result, parameter.effect, parameter.name)});
+        for (const FittedParameter &parameter : result.parameters) {
+            const double deviation = (parameter.high - parameter.low) / 4.0; // the interval is of 95 %
+            rows.push_back({parameter.effect, parameter.name, rounded(parameter.value, deviation),
+                            rounded(parameter.low, deviation), rounded(parameter.high, deviation),
+                            unit_of(result, parameter.effect, parameter.name)});
+        }
         page.table({"effect", "parameter", "value", "95 % from", "to", "unit"}, rows, {2, 3, 4});
     }
     page.raw("</section>\n");
@@ -297,7 +310,7 @@ void write_downstream(const DiagnosisResult &result, HtmlPage &page) {
 
 void write_advice(const DiagnosisResult &result, HtmlPage &page) {
     page.raw("<section id=\"advice\">\n");
-    page.heading(2, "Advice");
+    page.heading(2, "What to capture next");
     const std::vector<Advice> advice = advice_for(result.equivalent);
     if (!advice.empty()) {
         page.paragraph("These recordings would tell the effects apart:");

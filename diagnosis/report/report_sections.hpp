@@ -8,6 +8,8 @@
 namespace clsp {
 
 void write_summary(const DiagnosisResult &result, HtmlPage &page);
+// The first frames of the camera and of both simulators, side by side; only if the result has evidence.
+void write_strip(const DiagnosisResult &result, HtmlPage &page);
 void write_places(const DiagnosisResult &result, HtmlPage &page);
 void write_cause(const DiagnosisResult &result, HtmlPage &page);
 void write_shrinkage(const DiagnosisResult &result, HtmlPage &page);

@@ -160,6 +160,19 @@ static inline void solve(const float *factor, float *b) {
     }
 }
 
+// What the dot changes by with each parameter, at (dx, dy) from its centre. fixed: the shape stays. Returns its light.
+static inline float slopes(const float *p, float dx, float dy, bool fixed, float *j) {
+    const float e = exp(-0.5f * (p[3] * dx * dx + 2.0f * p[4] * dx * dy + p[5] * dy * dy)), model = p[0] * e;
+    j[0] = e;
+    j[1] = model * fma(p[3], dx, p[4] * dy);
+    j[2] = model * fma(p[5], dy, p[4] * dx);
+    j[3] = fixed ? 0.0f : -0.5f * model * dx * dx;
+    j[4] = fixed ? 0.0f : -model * dx * dy;
+    j[5] = fixed ? 0.0f : -0.5f * model * dy * dy;
+    j[6] = 1.0f;
+    return model;
+}
+
 // Weighted sum of squares of data less the model. normal, gradient: J^T W J and J^T W r, where they are wanted. variance: at background
 // 0 and per unit, relative to the former. fixed: the shape stays.
 static float residuals(const float *data, const float *p, const float *weight_of, float2 variance, bool fixed, bool derivatives,
@@ -189,13 +202,7 @@ static float residuals(const float *data, const float *p, const float *weight_of
         if (!derivatives)
             continue;
         float j[PARAMETERS];
-        j[0] = e;
-        j[1] = model * fma(p[3], dx, p[4] * dy);
-        j[2] = model * fma(p[5], dy, p[4] * dx);
-        j[3] = fixed ? 0.0f : -0.5f * model * dx * dx;
-        j[4] = fixed ? 0.0f : -model * dx * dy;
-        j[5] = fixed ? 0.0f : -0.5f * model * dy * dy;
-        j[6] = 1.0f;
+        slopes(p, dx, dy, fixed, j);
         for (int a = 0; a < PARAMETERS; ++a) {
             gradient[a] = fma(weight * j[a], r, gradient[a]);
             for (int b = 0; b <= a; ++b)
@@ -249,6 +256,35 @@ static bool fit(const float *data, float *p, float2 variance, bool fixed, float 
             return true;
     }
     return false;
+}
+
+// Covariance xx, xy, yy that speckle of squared contrast times correlation area 1 px^2 gives the centre. Of a dot of the expected
+// shape: speckle varies the expected light, not what it made of it.
+static float3 speckle_covariance(const float *data, const float *fitted, float round_precision, float2 variance, bool fixed) {
+    const float p[PARAMETERS] = {fitted[0], fitted[1], fitted[2], round_precision, 0.0f, round_precision, fitted[6]};
+    float normal[PARAMETERS * PARAMETERS], gradient[PARAMETERS];
+    float inverse_x[PARAMETERS] = {0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    float inverse_y[PARAMETERS] = {0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    residuals(data, p, p, variance, fixed, true, normal, gradient);
+    if (!factorize(normal))
+        return (float3)(NAN);
+    solve(normal, inverse_x);
+    solve(normal, inverse_y);
+    float3 sum = (float3)(0.0f);
+    for (int k = 0; k < PIXELS; ++k) {
+        if (data[k] == EXCLUDED)
+            continue;
+        float j[PARAMETERS];
+        const float light = slopes(p, convert_float(k % SIDE - WINDOW) - p[1], convert_float(k / SIDE - WINDOW) - p[2], fixed, j);
+        float x = 0.0f, y = 0.0f;
+        for (int a = 0; a < PARAMETERS; ++a) {
+            x = fma(inverse_x[a], j[a], x);
+            y = fma(inverse_y[a], j[a], y);
+        }
+        const float weight = light / fma(variance.y, fmax(light + p[6], 0.0f), variance.x);
+        sum += weight * weight * (float3)(x * x, x * y, y * y);
+    }
+    return sum;
 }
 
 // The standard deviation of the Gaussian along its longer axis.
@@ -306,7 +342,7 @@ static float ring_mean(const float *data) {
 
 // One pass: every dot is fitted to the frame less the other dots as the pass before saw them.
 // noise: variance at black, variance per unit of light, black level, 1 if the noise is known.
-// limits: expected sigma, saturation, relative sigma of merged dots.
+// limits: expected sigma, saturation, relative sigma of merged dots, squared contrast times correlation area of speckle.
 __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width, int height,
                                __global const uint *map, __global const int *places, __global const uint *counters, uint capacity,
                                float4 noise, float4 limits, __global const float *before, __global float *after,
@@ -427,6 +463,14 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
                 column[i] = i == 0 ? 1.0f : 0.0f;
             solve(normal, column);
             aa = column[0] * scale * unit * unit;
+            if (limits.w > 0.0f) {
+                const float3 speckle = limits.w * speckle_covariance(data, p, round_precision, variance, fixed);
+                xx += speckle.x;
+                xy += speckle.y;
+                yy += speckle.z;
+            }
+            if (!(xx > 0.0f && yy > 0.0f))
+                flags |= FLAG_FIT_FAILED;
         } else {
             flags |= FLAG_FIT_FAILED;
         }

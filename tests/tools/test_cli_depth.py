@@ -110,6 +110,28 @@ def test_json_and_npy_lists(ok, tmp_path: Path, scene) -> None:
     assert one["warnings"] == []
 
 
+def test_the_lens_of_the_geometry_file_tells_of_speckle(ok, refused, tmp_path: Path, scene) -> None:
+    """sqrt(2) / pi C / D px along the line, in quadrature, whatever the noise; --relative-diameter goes before the file."""
+    with_lens = geometry()
+    with_lens["camera"] |= {"f_number": 2.8, "pixel_pitch_m": 2.9e-6}
+    with_lens["laser"]["wavelength_m"] = 940e-9
+    (tmp_path / "lens.json").write_text(json.dumps(with_lens))
+
+    def deviation(*options: object) -> float:
+        (one,) = ok("depth", "frame_0.png", *scene, *options, "--json").json()["frames"]
+        return one["median_centre_sd_px"]
+
+    bare = deviation()
+    lens = deviation("--geometry", "lens.json", "--speckle-contrast", 0.7)
+    assert lens == pytest.approx(np.hypot(bare, np.sqrt(2) / np.pi * 0.7 * 2.8 * 0.94 / 2.9), rel=0.05)
+    diameter = 2.9 / (0.94 * 2.8)
+    assert deviation("--relative-diameter", diameter, "--speckle-contrast", 0.7) == pytest.approx(lens, rel=1e-6)
+    assert deviation("--geometry", "lens.json", "--relative-diameter", 0) == bare
+    with_lens["camera"]["f_number"] = 0
+    (tmp_path / "none.json").write_text(json.dumps(with_lens))
+    assert "f_number" in refused("depth", "frame_0.png", *scene, "--geometry", "none.json")
+
+
 def test_wrong_geometry_and_empty_frames_are_told(ok, tmp_path: Path, scene) -> None:
     wrong = geometry()
     pose = np.array(wrong["laser"]["laser_from_geometry"]).reshape(3, 4)

@@ -13,7 +13,8 @@
  * as the fits before saw them subtracted. Where that fails, as speckle makes it, a round dot of dot_sigma_px is fitted (4 parameters).
  * The variance of a pixel is read_noise_dn^2 + dn_per_electron max(I - black_level_dn, 0), and 1/12 for codes (rounding). The
  * covariance of a centre is that of weighted least squares, which is the Cramer-Rao bound; where the noise is unknown, or the fit's
- * residuals exceed it significantly (chi^2 by 4 standard deviations), the residuals' variance takes the noise's place. A second centre
+ * residuals exceed it significantly (chi^2 by 4 standard deviations), the residuals' variance takes the noise's place. With the
+ * lens known (relative_diameter), what speckle adds to it is added: docs/method/dots.md. A second centre
  * is the Gaussian-weighted centroid of the light above the mean of the window's rim.
  *
  * **Geometry.** A camera without distortion (fx, fy, cx, cy; correct centres or frames of a real lens first), a laser at X_L = R X_C +
@@ -72,7 +73,7 @@ extern "C" {
 /** @{ */
 #define CLSP_DEPTH_WARNING_NO_DOTS 1u     /**< The frame has no dots. */
 #define CLSP_DEPTH_WARNING_FEW_PLACED 2u  /**< Fewer than half of the dots with a centre were placed. */
-#define CLSP_DEPTH_WARNING_EPIPOLAR 4u    /**< The median epipolar error is above 0.25 px + 3 times what the centres' noise explains. */
+#define CLSP_DEPTH_WARNING_EPIPOLAR 4u    /**< Of at least 16 placed dots the median epipolar error is above 0.05 px + twice what the centres' covariances explain. */
 #define CLSP_DEPTH_WARNING_SATURATED 8u   /**< More than a tenth of the dots are saturated. */
 #define CLSP_DEPTH_WARNING_MERGED 16u     /**< More than a fifth of the dots are merged. */
 /** @} */
@@ -104,6 +105,8 @@ typedef struct ClspDepthDesc {
     double saturation_dn;          /**< Pixels at or above are saturated, >= 0; default 0: none is. */
     double epipolar_tolerance_px;  /**< Largest distance from a line that the geometry's errors may cause, above 0 to 20; default 1. */
     double min_confidence;         /**< Least probability of a dot that is placed, 0.5 to below 1; default 0.9. */
+    double relative_diameter;      /**< D of the lens (aperture.h) in cycles per pixel, at least 0.001, for the covariance that speckle gives to centres; 0 (default): not known, covariances are the noise's. */
+    double speckle_contrast;       /**< 0 to 1, default 1, of light before pixels average it: sqrt((1 + p^2) / 2) for the degree of polarization p, less where speckle moves during the exposure. */
 } ClspDepthDesc;
 
 /** A detected dot. The layout is frozen: it never grows. */
@@ -114,7 +117,7 @@ typedef struct ClspDepthDot {
     double centroid_x_px;        /**< Centre by the weighted centroid; NaN without light above the background. */
     double centroid_y_px;        /**< Likewise. */
     double amplitude_dn;         /**< Of the Gaussian, above its background. */
-    double amplitude_sd_dn;      /**< Its standard deviation. NaN if the fit failed. */
+    double amplitude_sd_dn;      /**< Its standard deviation by noise. NaN if the fit failed. */
     double background_dn;        /**< Under the dot. */
     double shape_px2[3];         /**< Covariance of the Gaussian, xx, xy, yy: sigma^2 of a round dot, 0, sigma^2. NaN if the fit failed. */
     double correlation;          /**< With the expected dot, before the fit. */

@@ -82,6 +82,8 @@ TEST_F(Depth, InitFunctionWritesDefaults) {
     EXPECT_EQ(5.0, desc.threshold_sigmas);
     EXPECT_EQ(0.6, desc.min_correlation);
     EXPECT_EQ(1.0, desc.epipolar_tolerance_px);
+    EXPECT_EQ(0.0, desc.relative_diameter);
+    EXPECT_EQ(1.0, desc.speckle_contrast);
     EXPECT_EQ(0.9, desc.min_confidence);
     for (double off :
          {desc.min_amplitude_dn, desc.read_noise_dn, desc.dn_per_electron, desc.black_level_dn, desc.saturation_dn})
@@ -350,6 +352,8 @@ TEST_F(Depth, BadDescriptions) {
     refuses("black_level_dn", &D::black_level_dn, test::bad());
     refuses("saturation_dn", &D::saturation_dn, test::bad());
     refuses("epipolar_tolerance_px", &D::epipolar_tolerance_px, test::bad({0}));
+    refuses("relative_diameter", &D::relative_diameter, test::bad({1e-4}));
+    refuses("speckle_contrast", &D::speckle_contrast, test::bad({1.001}));
     refuses("min_confidence", &D::min_confidence, test::bad({1}));
     std::vector<double> wrong = directions;
     wrong[9] = test::nan_value;

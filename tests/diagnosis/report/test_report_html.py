@@ -189,3 +189,19 @@ def test_kinds_of_captures(sources):
     assert "black level 64.10 DN, read noise 4.05 DN; light of board_moving 120.1 DN." in text("named")
     assert "Nothing could be judged. Verdict: none, on the dark frames alone" in text("unlit")
     assert "Nothing could be judged of light: every sequence that has some was left out (board_static)" in text("unlit")
+
+
+def test_what_a_reader_needs_first_comes_first(sources):
+    """Verdict, pictures, what to capture next; only then the evidence."""
+    source = sources["named"]
+    places = [source.index(f'id="{name}"') for name in ("summary", "strip", "advice", "where", "cause", "evidence")]
+    assert places == sorted(places)
+
+
+def test_screens_and_paper(sources):
+    """A dark screen has its colors, paper is white, and print unfolds what is folded."""
+    style = re.search(r"<style>(.*?)</style>", sources["named"], re.S).group(1)
+    assert "@media screen and (prefers-color-scheme: dark)" in style
+    named = set(re.findall(r"var\((--\w+)\)", style))
+    assert named == set(re.findall(r"(--\w+):", style))
+    assert "beforeprint" in sources["named"]

@@ -139,7 +139,8 @@ class ClspDepthDesc(Structure):
         ("fx_px", _f64), ("fy_px", _f64), ("cx_px", _f64), ("cy_px", _f64), ("near_m", _f64), ("far_m", _f64),
         ("dot_sigma_px", _f64), ("min_amplitude_dn", _f64), ("threshold_sigmas", _f64), ("min_correlation", _f64),
         ("read_noise_dn", _f64), ("dn_per_electron", _f64), ("black_level_dn", _f64), ("saturation_dn", _f64),
-        ("epipolar_tolerance_px", _f64), ("min_confidence", _f64),
+        ("epipolar_tolerance_px", _f64), ("min_confidence", _f64), ("relative_diameter", _f64),
+        ("speckle_contrast", _f64),
     ]
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _library, _show, errors
 from ._handle import exclusive
 from ._interop import EventLike
 from ._staging import DeviceImageLike, ImageLike, Stage
@@ -70,6 +70,23 @@ class DepthResult:
         selected: npt.NDArray[Any] = self.dots[self.dots["reason"] == _library.CLSP_DEPTH_REASON_PLACED]
         return selected
 
+    def table(self) -> Any:
+        """The detected dots as a pandas.DataFrame: the members of `dots`, those of several numbers as columns `name_0`,
+        `name_1`, ...; `reason_text` in words.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        columns: dict[str, Any] = {}
+        for name in self.dots.dtype.names or ():
+            values = self.dots[name]
+            if name != "reserved" and values.ndim == 1:
+                columns[name] = values
+            elif name != "reserved":
+                columns.update({f"{name}_{k}": values[:, k] for k in range(values.shape[1])})
+        columns["reason_text"] = [reason_text(int(number)) for number in self.dots["reason"]]
+        return _show.data_frame(columns, "table()")
+
     def reasons(self) -> dict[str, int]:
         """How many detected dots have which reason, in words; "placed" are those with a depth."""
         numbers, counts = np.unique(self.dots["reason"], return_counts=True)
@@ -105,6 +122,9 @@ class Depth(Stage):
         dn_per_electron: of the shot noise.
         black_level_dn: value without light.
         saturation_dn: pixels at or above it are saturated; 0: none is.
+        relative_diameter: D of the lens, pixel pitch / (wavelength * f-number), in cycles per pixel, as of
+            :class:`Aperture`: it tells how far speckle moves centres; 0: not known, their deviations are the noise's.
+        speckle_contrast: 0 to 1; sqrt((1 + P^2) / 2) for the degree of polarization P, less where speckle moves.
         epipolar_tolerance_px: largest distance from a line that the geometry's errors may cause.
         min_confidence: least probability of a dot that is placed, 0.5 to below 1.
         max_dots: room for detected dots.
@@ -136,6 +156,8 @@ class Depth(Stage):
         dn_per_electron: float | None = None,
         black_level_dn: float | None = None,
         saturation_dn: float | None = None,
+        relative_diameter: float | None = None,
+        speckle_contrast: float | None = None,
         epipolar_tolerance_px: float | None = None,
         min_confidence: float | None = None,
         max_dots: int | None = None,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import html
 import json
 import math
 import os
@@ -22,7 +23,7 @@ from typing import Any, Callable, TypeVar, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _library, _show, errors
 from ._handle import Handle, create, exclusive
 from ._progress import Call, Progress
 from .capture import Capture, CaptureSequence
@@ -50,6 +51,7 @@ _ARGUMENTS = _check.Arguments(_library.ClspDiagnoseDesc, flags=("evidence",))
 _STAGES = ("laser", "doe", "surface", "motion", "optics", "sensor")
 _KEYWORDS = ("sequence", "frame_index", "seed")
 _ID = re.compile(r"[A-Za-z0-9_.-]{1,31}")
+_WORST = 12  # statistics that a notebook shows
 _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 0.5
 _RANGES = {"null_replicates": (12, 100000), "max_effects": (1, 64), "threads": (1, 1024)}
 """Those of the C library (diagnosis.h), so that messages name the arguments of :func:`diagnose`."""
@@ -507,12 +509,7 @@ class Diagnosis(Handle):
         found = [ranked for ranked in self.ranking if ranked.intervals]
         if found:
             lines.append("effects:")
-        for ranked in found:
-            values = []
-            for name, value in ranked.parameters.items():
-                low, high = ranked.intervals.get(name, (math.nan, math.nan))
-                values.append(f"{name} = {value:.4g} ({low:.4g} to {high:.4g})")
-            lines.append(f"  {ranked.effect}: {', '.join(values)}")
+        lines += [f"  {ranked.effect}: {_values(ranked)}" for ranked in found]
         if self.shrink.steps:
             on = "held-out frames" if self.shrink.held_out else "the frames of the fit"
             low, high = self.shrink.ci95
@@ -527,7 +524,104 @@ class Diagnosis(Handle):
         return "\n".join(lines)
 
     def _state(self) -> str:
-        return self.verdict if not self.closed else "closed"
+        if self.closed:
+            return "closed"
+        named = self.equivalents if self.verdict == "ambiguous" else self.effects
+        found = {ranked.effect: ranked for ranked in self.ranking if ranked.intervals}
+        texts = [f"{effect} ({_values(found[effect])})" if effect in found else effect for effect in named]
+        return f"{self.verdict}: {'; '.join(texts)}" if texts else self.verdict
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: verdict, scenes, effects with their parameters, the worst statistics."""
+        parts = [f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self._sentence())}</p>"]
+        if not self.coverage.judged:
+            parts.append("<p>Nothing could be judged of light; this is about dark frames alone.</p>")
+        rungs = self.report["cause"].get("rungs", [])
+        if rungs:
+            rows = [(rung["rung"], rung["verdict"], ", ".join(rung["effects"])) for rung in rungs]
+            parts.append(_show.html_table(("scene", "verdict", "effects"), rows))
+        found = [(ranked.effect, _values(ranked)) for ranked in self.ranking if ranked.intervals]
+        if found:
+            parts.append(_show.html_table(("effect", "parameters, 95 % intervals"), found))
+        worst = [
+            (
+                place.sequence,
+                place.statistic,
+                _show.rounded(place.real, _deviation(place)),
+                _show.rounded(place.sim, _deviation(place)),
+                place.unit,
+                f"{place.z:+.1f}",
+            )
+            for place in self.where[:_WORST]
+        ]
+        if worst:
+            parts.append(_show.html_table(("sequence", "statistic", "real", "simulated", "unit", "z"), worst))
+        return "\n".join(parts)
+
+    def plot(self) -> Any:
+        """The worst statistics' z without and with the effects found, and how the distance shrinks, effect by effect.
+
+        Returns:
+            a matplotlib.figure.Figure, which a notebook shows and ``savefig`` writes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        shrink = self.shrink
+        before = shrink.distance_before if shrink.steps else self.distance
+        return _show.gap_figure(self.where[:_WORST], shrink.steps, before, f"{self.verdict}: {self._sentence()}")
+
+    def table(self, which: str = "where") -> Any:
+        """A list of the result as a pandas.DataFrame, a column for each member.
+
+        Args:
+            which: "where", "ranking", "first_look", "measurements" or "steps" (of :attr:`shrink`). Parameters of the
+                ranking are columns `effect.parameter`, with `.low` and `.high` of those that have an interval.
+
+        Raises:
+            ImportError: pandas is not installed.
+            InvalidArgumentError: there is no such list.
+        """
+        kinds = {
+            "where": (GapPlace, self.where),
+            "ranking": (RankedEffect, self.ranking),
+            "first_look": (FirstLook, self.first_look),
+            "measurements": (Measurement, self.measurements),
+            "steps": (ShrinkStep, self.shrink.steps),
+        }
+        if which not in kinds:
+            raise errors.InvalidArgumentError(f"which is {which!r}, expected {_check.one_of(tuple(kinds))}")
+        kind, entries = kinds[which]
+        columns: dict[str, list[Any]] = {}
+        for field in dataclasses.fields(cast(Any, kind)):
+            values = [getattr(entry, field.name) for entry in entries]
+            if field.name == "ci95":
+                columns["low_95"], columns["high_95"] = ([limits[k] for limits in values] for k in (0, 1))
+            elif field.name not in ("parameters", "intervals"):
+                columns[field.name] = values
+        if which == "ranking":
+            for row, ranked in enumerate(self.ranking):
+                for name, value in ranked.parameters.items():
+                    cells = {"": value, **dict(zip((".low", ".high"), ranked.intervals.get(name, ())))}
+                    for suffix, cell in cells.items():
+                        column = columns.setdefault(f"{ranked.effect}.{name}{suffix}", [math.nan] * len(self.ranking))
+                        column[row] = cell
+        return _show.data_frame(columns, "table()")
+
+
+def _values(ranked: RankedEffect) -> str:
+    """Fitted parameters with their 95 % intervals, in as many digits as these leave."""
+    texts = []
+    for name, value in ranked.parameters.items():
+        low, high = ranked.intervals.get(name, (math.nan, math.nan))
+        value_text, low_text, high_text = (_show.rounded(number, (high - low) / 4) for number in (value, low, high))
+        texts.append(f"{name} = {value_text} ({low_text} to {high_text})")
+    return ", ".join(texts)
+
+
+def _deviation(place: GapPlace) -> float:
+    """What z counts in."""
+    return abs(place.real - place.sim) / abs(place.z) if place.z else math.nan
 
 
 def _range_of(given: Sequence[float], name: str) -> tuple[float, float, float, float]:
