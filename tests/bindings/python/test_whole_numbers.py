@@ -79,15 +79,26 @@ def test_visibilities_of_a_scene_agree(tmp_path: Path, top: int) -> None:
     extent = ["--pattern-half-extent-x", "0.9", "--pattern-half-extent-y", "0.9"]
 
     def render(visibility: str) -> subprocess.CompletedProcess[str]:
-        command = [PROGRAM, "render", "--depth", "depth.npy", "--visibility", visibility, *camera, *extent, "-o", "out"]
+        command = [
+            str(PROGRAM),
+            "render",
+            "--depth",
+            "depth.npy",
+            "--visibility",
+            visibility,
+            *camera,
+            *extent,
+            "-o",
+            "out",
+        ]
         options = ["--exposure-gain", "3000", "--seed", "5", "--format", "npy", "--no-preview"]
         return subprocess.run([*command, *options], cwd=tmp_path, check=False, capture_output=True, text=True)
 
     def python(visibility: npt.NDArray[Any]) -> npt.NDArray[Any]:
         pattern = clspeckle.Pattern(arrays["texels"], half_extent_x=0.9, half_extent_y=0.9)
         pipeline = clspeckle.Pipeline.from_parameters(SHAPE, pattern=pattern, seed=5, exposure_gain_dn=3000.0)
-        planes = {"depth": arrays["depth"], "visibility": visibility}
-        return pipeline.render(clspeckle.Geometry(intrinsics=(30.0, 30.0, 15.5, 11.5), **planes))
+        lens = (30.0, 30.0, 15.5, 11.5)
+        return pipeline.render(clspeckle.Geometry(depth=arrays["depth"], visibility=visibility, intrinsics=lens))
 
     done = render("visibility.npy")
     if top > 1:
