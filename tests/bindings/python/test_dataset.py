@@ -7,6 +7,7 @@ import dataclasses
 import errno
 import hashlib
 import json
+import logging
 import math
 import os
 import pickle
@@ -268,6 +269,7 @@ def test_a_full_disk_leaves_no_half_shard(
         ({"cameras": [{"f_number": {"normal": [4, 1]}}]}, r'expected one of \{"uniform"'),
         ({"effects": "defocus"}, "expected ids with ranges"),
         ({"effects": ["defokus"]}, "there is no effect 'defokus'.*defocus"),
+        ({"effects": ["zero_order"]}, "the effect zero_order is of ideal dots"),
         ({"effects": {"defocus": {"wave": 1}}}, "the effect defocus has no parameter 'wave'"),
         ({"effects": {"adc_bits": {"bits": [6.5, 8]}}}, "expected .* of whole numbers"),
         ({"effects": ["defocus"]}, "effects_per_image is .*no more than the 1 effects"),
@@ -281,9 +283,78 @@ def test_what_is_no_recipe_is_refused(ideal: npt.NDArray[np.float32], changes: d
 
 
 def test_what_does_not_go_together_names_the_pair(ideal: npt.NDArray[np.float32]) -> None:
-    there = recipe(ideal, effects=["wavelength_shift"], effects_per_image=(1, 1))
-    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"pair 3 .*needs a pipeline with dots"):
+    there = recipe(ideal, cameras=[{"bits": 99}])
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"pair 3 .*bits"):
         there.render(3)
+
+
+def test_whole_numbers_and_lists_of_a_camera(ideal: npt.NDArray[np.float32]) -> None:
+    camera = {"bits": [8, 10], "principal_point_px": [8, 9], "f_number": np.float32(4), "exposure_gain_dn": 150}
+    there = recipe(ideal, cameras=[camera], effects_per_image=(0, 0))
+    drawn = [there.draw(i).parameters for i in range(30)]
+    assert {type(d["bits"]) for d in drawn} == {int}
+    assert {d["bits"] for d in drawn} == {8, 9, 10}
+    assert drawn[0]["principal_point_px"] == [8, 9]
+    there.render(0)
+    json.dumps(there.described())
+
+
+def test_scenes_stay_what_they_were(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    mine = ideal.copy()
+    there = recipe(ideal, scenes=[mine])
+    before = there.render(2).codes
+    mine[:] = 9
+    assert np.array_equal(there.render(2).codes, before)
+    np.save(tmp_path / "scene.npy", ideal)
+
+    def overwrite(done: int, _count: int) -> None:
+        if done == 2:
+            np.save(tmp_path / "scene.npy", ideal[:-1])
+
+    files = recipe(ideal, scenes=[tmp_path / "scene.npy"])
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="has changed since the recipe read it first"):
+        dataset.write(files, tmp_path / "set", count=4, shard_size=2, progress=overwrite)
+
+
+def test_a_recipe_that_failed_leaves_the_folder_free(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="pair 0"):
+        dataset.write(recipe(ideal, cameras=[{"bits": 99}]), tmp_path, count=1)
+    dataset.write(recipe(ideal), tmp_path, count=1)
+    assert len(Pairs(tmp_path)) == 1
+
+
+def test_workers_end_with_their_parent(recipe_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run = subprocess.Popen(command(recipe_file, out, "--count", 4000, "--shard-size", 1000, "--workers", 2, "--quiet"))
+    while not list(out.glob("*.part")):
+        assert run.poll() is None
+        time.sleep(0.01)
+    workers = [p for p in Path("/proc").iterdir() if p.name.isdigit() and is_worker(p, run.pid)]
+    assert workers
+    run.kill()
+    run.wait()
+    end = time.monotonic() + 30
+    while any(p.exists() for p in workers):
+        assert time.monotonic() < end, "a worker goes on"
+        time.sleep(0.05)
+
+
+def test_an_interrupt_within_a_log_message_arrives(ideal: npt.NDArray[np.float32]) -> None:
+    class Interrupted(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            raise KeyboardInterrupt
+
+    logger = logging.getLogger("clspeckle")
+    level, handler = logger.level, Interrupted()
+    logger.setLevel(logging.DEBUG)
+    logger.addHandler(handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), clspeckle.Context() as context:
+            clspeckle.simulate(ideal, f_number=5.1, context=context)
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+    assert clspeckle._library.held_interrupts == []
 
 
 def test_a_folder_is_of_one_set(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
@@ -312,6 +383,8 @@ def test_recipes_in_files(recipe_file: Path, tmp_path: Path) -> None:
         ('{"scenes": ["wall_0.npy"], "efects": {}}', "has no member 'efects'.*effects"),
         ('{"scenes": ["none_*.npy"], "effects": []}', "no file is called 'none_"),
         ("[1]", "expected an object"),
+        ('{"scenes": "wall_0.npy", "effects": []}', "expected a list of names of files"),
+        ('{"scenes": ["wall_0.npy"]}', "effects is missing"),
         ("{", "recipe.json: "),
     ):
         recipe_file.write_text(text)

@@ -163,8 +163,12 @@ def library() -> ctypes.CDLL:
     return _library
 
 
+held_interrupts: list[KeyboardInterrupt] = []
+"""Ctrl-C while Python was called back: nothing can be raised through C."""
+
+
 def call(name: str, *arguments: Any) -> None:
-    """Calls a function that returns a status, and raises its error."""
+    """Calls a function that returns a status, and raises its error, or Ctrl-C that came within."""
     global _opencl_started
     function = getattr(library(), name)
     if name in _HOST_ONLY:
@@ -173,6 +177,10 @@ def call(name: str, *arguments: Any) -> None:
         refuse_fork()
         started, _opencl_started = _opencl_started, True
         status = function(*arguments) if started else _without_interrupts(function, arguments)
+    if held_interrupts and threading.current_thread() is threading.main_thread():
+        interrupt = held_interrupts[0]
+        held_interrupts.clear()
+        raise interrupt
     if status != CLSP_SUCCESS:
         raise last_error(status, name)
 

@@ -37,7 +37,10 @@ _LOG_LEVELS = {_library.CLSP_LOG_WARNING: logging.WARNING, _library.CLSP_LOG_INF
 
 
 def _log(_data: int | None, level: int, message: bytes) -> None:
-    logging.getLogger("clspeckle").log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", _library.text(message))
+    try:
+        logging.getLogger("clspeckle").log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", _library.text(message))
+    except KeyboardInterrupt as interrupt:  # ctypes would drop it
+        _library.held_interrupts.append(interrupt)
 
 
 # Never freed: stages outlive their contexts, and what they log still comes here.

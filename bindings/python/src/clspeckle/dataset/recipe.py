@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import glob
 import hashlib
 import io
 import json
@@ -81,7 +82,8 @@ class _Words:
 class _Range:
     """What a number of a recipe is drawn from."""
 
-    def __init__(self, given: Any, name: str, whole: bool = False) -> None:
+    def __init__(self, given: Any, name: str, whole: bool = False, is_number: bool = True) -> None:
+        given = given.tolist() if isinstance(given, (np.generic, np.ndarray)) else given
         self.kind, self.values, self.whole = "choice", [given], whole
         if isinstance(given, Mapping):
             if len(given) != 1 or next(iter(given)) not in ("uniform", "log", "choice"):
@@ -93,7 +95,7 @@ class _Range:
             if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not values:
                 raise errors.InvalidArgumentError(f"{name}.{self.kind} is {values!r}; expected a list of values")
             self.values = list(values)
-        elif isinstance(given, (list, tuple)):
+        elif isinstance(given, (list, tuple)) and is_number:
             self.kind, self.values = "uniform", list(given)
         if self.kind == "choice":
             return
@@ -114,10 +116,16 @@ class _Range:
         low, high = self.values
         share = words.uniform()
         if self.whole:
-            return float(low + math.floor((high - low + 1) * share))
+            return int(low) + math.floor((int(high) - int(low) + 1) * share)
         if self.kind == "log":
             return float(low * (high / low) ** share)
         return float(low + (high - low) * share)
+
+
+def _kinds() -> dict[str, str]:
+    """The types of a camera's parameters as they are written, by name: "int | None"."""
+    kinds = PipelineParameters.__annotations__
+    return {key: getattr(kind, "__forward_arg__", str(kind)) for key, kind in kinds.items()}
 
 
 class Recipe:
@@ -153,10 +161,15 @@ class Recipe:
         self.seed: int = _check.integer(seed, "seed", 64)
         if isinstance(scenes, (str, os.PathLike, np.ndarray)) or not scenes:
             raise errors.InvalidArgumentError("scenes is empty or no list; expected a list of arrays or .npy files")
-        self.scenes: list[Scene] = list(scenes)
-        for number, scene in enumerate(self.scenes):
-            if not isinstance(scene, (str, os.PathLike)):
-                self._ideal(scene, f"scenes[{number}]")
+        # Arrays are copied: nothing that is done to them later changes a pair.
+        self.scenes: list[Scene] = [
+            scene if isinstance(scene, (str, os.PathLike)) else self._ideal(np.array(scene), f"scenes[{number}]")
+            for number, scene in enumerate(scenes)
+        ]
+        for scene in self.scenes:
+            if isinstance(scene, np.ndarray):
+                scene.setflags(write=False)
+        self._seen: dict[int, tuple[int, int]] = {}
         if isinstance(cameras, Mapping) or not cameras:
             raise errors.InvalidArgumentError("cameras is empty or no list; expected a list of parameters by name")
         self.cameras = [self._camera(camera, f"cameras[{number}]") for number, camera in enumerate(cameras)]
@@ -171,14 +184,18 @@ class Recipe:
 
     @staticmethod
     def _camera(given: Mapping[str, Any], name: str) -> dict[str, _Range]:
-        known = [key for key in PipelineParameters.__annotations__ if key not in ("seed", "effects")]
+        known = [key for key in _kinds() if key not in ("seed", "effects")]
         for key in given:
             if key in ("seed", "effects"):
                 raise errors.InvalidArgumentError(f"{name} has {key}, which the recipe draws for each pair")
             if key not in known:
                 hint = _check.nearest(key, known) or ""
                 raise errors.InvalidArgumentError(f"{name} has no parameter {key!r}{hint}")
-        return {key: _Range(given[key], f"{name}.{key}") for key in known if key in given}
+        return {
+            key: _Range(given[key], f"{name}.{key}", kind.startswith("int"), kind.startswith(("int", "float")))
+            for key, kind in _kinds().items()
+            if key in given
+        }
 
     @staticmethod
     def _effects(given: Mapping[str, Mapping[str, Any]] | Sequence[str]) -> dict[str, dict[str, _Range]]:
@@ -189,6 +206,8 @@ class Recipe:
         for effect in catalogue():  # in one order, whatever that of the recipe
             if effect.id not in wanted:
                 continue
+            if "stages/dots.cl" in effect.kernel:
+                raise errors.InvalidArgumentError(f"the effect {effect.id} is of ideal dots, which an image has not")
             ranges: Mapping[str, Any] = wanted[effect.id] or {}
             names = [parameter.name for parameter in effect.parameters]
             for key in ranges:
@@ -228,12 +247,18 @@ class Recipe:
                 raise errors.InvalidArgumentError(
                     f"{path} has no member {key!r}{_check.nearest(key, members) or '; there are ' + ', '.join(members)}"
                 )
-        scenes: list[Path] = []
-        for pattern in given.get("scenes", []):
-            found = sorted(path.parent.glob(pattern)) if any(c in pattern for c in "*?[") else [path.parent / pattern]
+        patterns = given.get("scenes")
+        if not isinstance(patterns, list) or not all(isinstance(pattern, str) for pattern in patterns):
+            raise errors.InvalidArgumentError(f"{path}: scenes is {patterns!r}; expected a list of names of files")
+        scenes: list[str] = []
+        for pattern in patterns:
+            name = os.path.join(path.parent, pattern)
+            found = sorted(glob.glob(name.replace("[", "[[]"))) if any(c in pattern for c in "*?") else [name]
             if not found:
                 raise errors.InvalidArgumentError(f"{path}: no file is called {pattern!r} in {path.parent}")
             scenes += found
+        if "effects" not in given:
+            raise errors.InvalidArgumentError(f"{path}: effects is missing; expected ids of effects with ranges")
         return cls(**{**given, "scenes": scenes})
 
     def described(self) -> dict[str, Any]:
@@ -271,8 +296,12 @@ class Recipe:
         if not isinstance(given, (str, os.PathLike)):
             return self._ideal(given, f"scenes[{scene}]")
         try:
+            now = os.stat(given)
+            seen = self._seen.setdefault(scene, (now.st_size, now.st_mtime_ns))
+            if seen != (now.st_size, now.st_mtime_ns):
+                raise ValueError("it has changed since the recipe read it first; make a new recipe, and another folder")
             return self._ideal(np.load(given, allow_pickle=False), os.fspath(given))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, EOFError) as error:
             raise errors.InvalidArgumentError(f"{os.fspath(given)}: {error}; expected an image as .npy") from None
 
     def draw(self, index: int) -> Draw:

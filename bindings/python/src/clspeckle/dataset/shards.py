@@ -10,8 +10,9 @@ import io
 import json
 import multiprocessing
 import os
+import secrets
 import tarfile
-import tempfile
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional
@@ -39,11 +40,12 @@ def _add(archive: tarfile.TarFile, name: str, data: bytes) -> None:
 @contextlib.contextmanager
 def _whole(path: Path) -> Iterator[Any]:
     """A file that is written elsewhere, and gets its name when it is whole."""
-    handle, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
             yield file
-        os.chmod(part, 0o666 & ~_umask())
+            file.flush()
+            os.fsync(file.fileno())  # else a power cut may leave the name without the bytes
         os.replace(part, path)
     except BaseException as error:
         with contextlib.suppress(OSError):
@@ -63,12 +65,6 @@ def _sweep(folder: Path) -> None:
         part.unlink(missing_ok=True)
 
 
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current
-
-
 def _write_shard(recipe: Recipe, path: str, first: int, end: int, with_ideal: bool) -> int:
     """One shard, in whatever process; how many pairs it has."""
     with _whole(Path(path)) as file, tarfile.open(fileobj=file, mode="w", format=tarfile.USTAR_FORMAT) as archive:
@@ -82,8 +78,16 @@ def _write_shard(recipe: Recipe, path: str, first: int, end: int, with_ideal: bo
     return end - first
 
 
-def _cores_for(workers: int) -> None:
+def _begin_worker(workers: int) -> None:
     """In a worker, before it loads a driver: PoCL takes all cores in each process unless told."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def end_with_it() -> None:
+            parent.join()
+            os._exit(1)  # nobody waits for what this worker does
+
+        threading.Thread(target=end_with_it, daemon=True).start()
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(max(1, len(os.sched_getaffinity(0)) // workers)))
 
 
@@ -97,7 +101,7 @@ def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_id
         "recipe": recipe.described(),
     }
     path = folder / _DESCRIPTION
-    if path.exists():
+    if path.exists() and any(folder.glob("shard-*.tar")):
         there = _description(folder)
         other = [key for key in wanted if there.get(key) != wanted[key]]
         if other:
@@ -205,7 +209,7 @@ def _run(tasks: list[Any], workers: int, executor: Any) -> Iterator[int]:
         if executor is None:
             executor = stack.enter_context(
                 concurrent.futures.ProcessPoolExecutor(
-                    workers, multiprocessing.get_context("spawn"), _cores_for, (workers,)
+                    workers, multiprocessing.get_context("spawn"), _begin_worker, (workers,)
                 )
             )
         waiting = iter(tasks)
