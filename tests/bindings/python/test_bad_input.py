@@ -198,7 +198,7 @@ IMAGE_ARGUMENTS: dict[str, tuple[Callable[[World, Any], Any], list[Any]]] = {
         + NOT_FINITE
         + [
             ("above 1", spoiled(1.5), errors.InvalidDataError, "from 0 to 1"),
-            ("int64", np.ones(SHAPE, np.int64), errors.InvalidFormatError, "uint8"),
+            ("int64", 2 * np.ones(SHAPE, np.int64), errors.InvalidDataError, "from 0 to 1"),
         ],
     ),
     "geometry.position": (

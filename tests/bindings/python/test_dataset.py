@@ -174,7 +174,7 @@ def test_a_killed_run_goes_on(recipe_file: Path, tmp_path: Path) -> None:
             command(recipe_file, out, "--count", 60, "--shard-size", 5, "--workers", 2),
             stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
-        while not list(out.glob("*.part")):
+        while not list(out.glob(".shard-*.part")):
             assert run.poll() is None, run.stderr
             time.sleep(0.01)
         if victim == "all":
@@ -326,7 +326,7 @@ def test_a_recipe_that_failed_leaves_the_folder_free(ideal: npt.NDArray[np.float
 def test_workers_end_with_their_parent(recipe_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run = subprocess.Popen(command(recipe_file, out, "--count", 4000, "--shard-size", 1000, "--workers", 2, "--quiet"))
-    while not list(out.glob("*.part")):
+    while not list(out.glob(".shard-*.part")):
         assert run.poll() is None
         time.sleep(0.01)
     workers = [p for p in Path("/proc").iterdir() if p.name.isdigit() and is_worker(p, run.pid)]

@@ -31,6 +31,7 @@ class ComparisonTest : public GapSimulator {
         for (const std::size_t s : sequences) {
             layout.sequences.push_back(all[s]);
             layout.sequences.back().frame_count = frames;
+            layout.sequences.back().f_number = layout.f_number; // as a file's
         }
         Simulator simulator(context, layout);
         return simulate_capture(simulator, effects, std::vector<SimulationLevels>(sequences.size(), levels), seed);
@@ -59,7 +60,7 @@ Capture black_set(const std::vector<SequenceLayout> &sequences) {
 }
 
 SequenceLayout sequence(const char *name, CaptureScene scene, bool moving = false, std::uint32_t frames = 4,
-                        double f_number = 0.0) {
+                        double f_number = small_layout().f_number) {
     SequenceLayout result;
     result.name = name;
     result.scene = scene;
@@ -392,6 +393,8 @@ TEST_F(ComparisonTest, DotsAreMeasuredWhereEachSetHasThem) {
                 sequences.back().frame_count = 12;
             }
         layout.sequences = sequences;
+        for (SequenceLayout &one : layout.sequences)
+            one.f_number = layout.f_number;
         // No two dots move alike.
         for (std::size_t i = 0; i < layout.dots->positions_px.size(); ++i) {
             layout.dots->positions_px[i][0] += shift_px * std::sin(2.1 * double(i));
