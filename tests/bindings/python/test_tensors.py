@@ -199,3 +199,19 @@ def test_an_array_interface_is_enough(camera: clspeckle.Pipeline, ideal: npt.NDA
     interface = type("Interface", (), {"__array_interface__": ideal.__array_interface__})()
     expected = camera.render(ideal, frame_index=0, refresh="all")
     assert np.array_equal(camera.render(interface, frame_index=0, refresh="all"), expected)
+
+
+def test_a_tensor_that_would_be_copied_is_told_or_refused(caplog: pytest.LogCaptureFixture) -> None:
+    """Frames that are written to a copy do not reach the tensor."""
+    apart = np.zeros((32, 96), np.float32)[:, ::2]
+    with caplog.at_level("WARNING", "clspeckle"):
+        clspeckle.DeviceImage.from_dlpack(apart).close()
+    assert "does not reach it" in caplog.text
+    with pytest.raises(BufferError, match="its pixels do not lie next to each other; without copy=False it is copied"):
+        clspeckle.DeviceImage.from_dlpack(apart, copy=False)
+    caplog.clear()
+    own = np.zeros((32, 48), np.float32)
+    with clspeckle.DeviceImage.from_dlpack(own, copy=True) as image:
+        own[:] = 1
+        assert not image.read().any()
+    assert not caplog.text

@@ -692,17 +692,21 @@ class DeviceImage:
         return image
 
     @classmethod
-    def from_dlpack(cls, tensor: Any, *, context: Context | None = None) -> DeviceImage:
+    def from_dlpack(cls, tensor: Any, *, context: Context | None = None, copy: bool | None = None) -> DeviceImage:
         """An image on the memory of a tensor (PyTorch, JAX, CuPy, NumPy: all that speaks DLPack), or a copy of it.
 
         On a CPU's context a tensor in host memory is not copied: what is written to one is seen in the other. Its
         rows must be tightly packed in themselves, and it must be writeable. Else it is copied, as by
-        :meth:`from_array`; the logger "clspeckle" says why at the level INFO. OpenCL shares no memory with CUDA, ROCm
-        and the like.
+        :meth:`from_array`, and the logger "clspeckle" says why: what is written to the image does not reach the tensor.
+        It is a warning where the tensor could be written to. OpenCL shares no memory with CUDA, ROCm and the like.
 
         Args:
             tensor: one of the class's dtypes and shapes. A PyTorch tensor must not require a gradient.
             context: None for :func:`default_context`.
+            copy: False: refused where it would be copied; True: copied in any case, without a word.
+
+        Raises:
+            BufferError: `copy` is False, and the tensor cannot be shared.
 
         ``np.from_dlpack(image)``, ``torch.from_dlpack(image)`` and so on go the other way: without a copy from a CPU's
         context. The commands of its queue are waited for; what other queues still write to the image is not.
@@ -711,6 +715,8 @@ class DeviceImage:
         pixel = find_format(view.shape, view.dtype, "tensor")
         context = resolve_context(context)
         pitch = _pitch(view.shape, view.strides, pixel)
+        if copy:
+            return cls.from_array(view, context=context)
         if not _tensor.on_cpu(context.info().opencl_device):
             why = "OpenCL's device is no CPU"
         elif not view.flags.writeable:
@@ -725,7 +731,12 @@ class DeviceImage:
             self._set_up(memory, view.shape, view.dtype, pixel, 0, pitch, context)
             self._owned = memory
             return self
-        logging.getLogger("clspeckle").info("the tensor is copied: %s", why)
+        if copy is False:
+            raise BufferError(f"the tensor cannot be shared: {why}; without copy=False it is copied")
+        level = logging.WARNING if view.flags.writeable else logging.INFO
+        logging.getLogger("clspeckle").log(
+            level, "the tensor is copied: %s; what is written to the image does not reach it", why
+        )
         return cls.from_array(view, context=context)
 
     def __dlpack_device__(self) -> tuple[int, int]:
