@@ -300,7 +300,7 @@ std::vector<Effect> make_catalogue() {
         .is_fixed(FixedPattern::kGain)
         .told_from("bayer_mismatch", "flat with more frames, for the 2 x 2 means"),
     Effect{"column_gain", "sensor", "the columns' gains vary, constant in time",
-     "stages/sensor.cl: sensor_fixed_pattern (COLUMN_PRNU)", kSetsSensor,
+     "stages/sensor.cl: sensor_fixed_pattern", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.002, 0.01}},
      [](Model &m, Values v) { sensor(m, "column_gain").column_prnu = v[0]; },
      {kInLight}, {kInFlat},
@@ -309,7 +309,7 @@ std::vector<Effect> make_catalogue() {
         .told_from("column_fpn", "dark, or flat at two levels of light: gains show in proportion to the light")
         .told_from("prnu", "flat with more frames, for the means of the columns"),
     Effect{"row_gain", "sensor", "the rows' gains vary, constant in time",
-     "stages/sensor.cl: sensor_fixed_pattern (ROW_PRNU)", kSetsSensor,
+     "stages/sensor.cl: sensor_fixed_pattern", kSetsSensor,
      {{"sigma", "1", 0.0, 1.0, 0.002, 0.01}},
      [](Model &m, Values v) { sensor(m, "row_gain").row_prnu = v[0]; },
      {kInLight}, {kInFlat, SceneMotion::kAny, 2},
@@ -342,7 +342,7 @@ std::vector<Effect> make_catalogue() {
         .told_from("row_gain", "dark, or flat at two levels of light: gains show in proportion to the light")
         .told_from("row_noise", "dark with more frames: row noise is new in each frame"),
     Effect{"periodic_offset", "sensor", "a fixed wave of offsets, a sin(2 pi (u x + v y) + phase)",
-     "stages/sensor.cl: sensor_fixed_pattern (PERIODIC)", kSetsSensor,
+     "stages/sensor.cl: sensor_fixed_pattern", kSetsSensor,
      {{"amplitude_dn", "DN", 0.0, 65535.0, 1.0, 5.0},
       {"frequency_x", "1/px", -0.5, 0.5, 0.1, 0.1},
       {"frequency_y", "1/px", -0.5, 0.5, 0.1, 0.1}},
@@ -368,7 +368,7 @@ std::vector<Effect> make_catalogue() {
      "few pixels far above the others, also in the dark", "", {1}}
         .is_fixed(FixedPattern::kOffset),
     Effect{"pixel_dull", "sensor", "few pixels with a gain of 70 to 100 %",
-     "stages/sensor.cl: sensor_fixed_pattern (DULL)", kSetsSensor,
+     "stages/sensor.cl: sensor_fixed_pattern", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.0002, 0.002}},
      [](Model &m, Values v) { sensor(m, "pixel_dull").dull_pixel_fraction = v[0]; },
      {kInLight}, {kInFlat},

@@ -63,6 +63,8 @@ void Aperture::configure(const ApertureParameters &p) {
     if (is_complex) {
         std::vector<cl_float2> amplitudes(pupil.transmission.size());
         for (std::size_t i = 0; i < amplitudes.size(); ++i) {
+            if (pupil.transmission[i] == 0.0f)
+                continue;
             const double t = pupil.transmission[i], angle = 2.0 * kPi * pupil.phase_turns[i];
             amplitudes[i] = {{static_cast<float>(t * std::cos(angle)), static_cast<float>(t * std::sin(angle))}};
         }

@@ -22,9 +22,16 @@ FieldGrid filter_grid(std::uint32_t width, std::uint32_t height, std::uint32_t g
 }
 
 // A reach of `reach` pixels needs twice as much guard: each side has half of it. More than the image itself is of no
-// use.
+// use. Guards are 15, 20, 30, 40, 60, 80 .. pixels: lines of each length have programs of their own, and there must not
+// be new ones for each scale that is drawn.
 std::uint32_t guard_of(double reach, std::uint32_t width, std::uint32_t height) {
-    return static_cast<std::uint32_t>(std::ceil(2.0 * std::min(reach, double(std::max(width, height)))));
+    const std::uint32_t most = 2 * std::max(width, height);
+    const double needed = 2.0 * reach;
+    for (std::uint32_t step = 5; step < most; step *= 2)
+        for (const std::uint32_t guard : {3 * step, 4 * step})
+            if (guard >= needed)
+                return std::min(guard, most);
+    return most;
 }
 
 } // namespace
@@ -67,12 +74,17 @@ FftFilter::FftFilter(std::shared_ptr<Context> context, std::uint32_t width, std:
 
 void FftFilter::make_transfer(const PointSpread &point_spread) {
     const auto offset = [](std::uint32_t i, std::uint32_t n) { return i < (n + 1) / 2 ? double(i) : double(i) - n; };
+    const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
     std::vector<double> values(grid_.samples());
     double sum = 0.0;
-    for (std::uint32_t y = 0; y < grid_.grid_height; ++y)
-        for (std::uint32_t x = 0; x < grid_.grid_width; ++x) {
-            const double h = point_spread(offset(x, grid_.grid_width), offset(y, grid_.grid_height));
-            sum += values[std::size_t{y} * grid_.grid_width + x] = h;
+    for (std::uint32_t y = 0; y < height; ++y)
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::size_t i = std::size_t{y} * width + x,
+                              opposite = std::size_t{(height - y) % height} * width + (width - x) % width;
+            // Half of an even side is the only offset whose opposite the grid does not have.
+            const bool is_known = opposite < i && 2 * x != width && 2 * y != height;
+            values[i] = is_known ? values[opposite] : point_spread(offset(x, width), offset(y, height));
+            sum += values[i];
         }
     if (!(sum > 0.0 && sum <= kLargestNumber))
         throw Error(Status::kInvalidArgument,

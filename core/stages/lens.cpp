@@ -221,6 +221,69 @@ std::optional<Distortion::Point> Distortion::undistort(Point distorted) const {
     return Point{principal_x_ + p.x * unit_x_, principal_y_ + p.y * unit_y_};
 }
 
+// Newton's method for f R(q f^2) = 1, q the distorted radius squared and f q^0.5 the ideal one, in all pixels of a row
+// at a time: products and one quotient, of which compilers make vectors.
+bool Distortion::shrink_row(const std::vector<double> &u2, double v2, std::vector<double> &shrink) const {
+    const double k1 = k1_, k2 = k2_, k3 = k3_, fold = fold_;
+    const double *const across = u2.data();
+    double *const f = shrink.data();
+    const std::size_t width = u2.size();
+    // What is left after a step is of the order of its square.
+    constexpr double kSettled = 1e-9;
+    constexpr int kMostSteps = 10;
+    std::int64_t moved = 1; // as wide as what is compared
+    for (int step = 0; step < kMostSteps && moved > 0; ++step) {
+        moved = 0;
+        for (std::size_t x = 0; x < width; ++x) {
+            const double was = f[x], s = (across[x] + v2) * was * was;
+            const double r = 1.0 + s * (k1 + s * (k2 + s * k3));
+            const double slope = 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+            const double by = (was * r - 1.0) / slope;
+            f[x] = was - by;
+            moved += std::abs(by) <= kSettled ? 0 : 1; // what is no number has moved
+        }
+    }
+    std::int64_t outside = 0;
+    for (std::size_t x = 0; x < width; ++x)
+        outside += f[x] > 0.0 && (across[x] + v2) * f[x] * f[x] < fold ? 0 : 1;
+    return moved + outside == 0;
+}
+
+std::vector<float> Distortion::displacements(std::uint32_t width, std::uint32_t height) const {
+    std::vector<float> map(std::size_t{width} * height * 2);
+    // No image is wider than this; farther sources are all outside.
+    static constexpr double kFarthest = 1e6;
+    const auto within = [](double pixels) { return static_cast<float>(std::clamp(pixels, -kFarthest, kFarthest)); };
+    std::vector<double> shrink(width, 1.0), u2;
+    for (std::uint32_t x = 0; x < width; ++x) {
+        const double u = (x - principal_x_) / unit_x_;
+        u2.push_back(u * u);
+    }
+    for (std::uint32_t y = 0; y < height; ++y) {
+        float *to = &map[std::size_t{y} * width * 2];
+        const double v = (y - principal_y_) / unit_y_;
+        if (p1_ == 0.0 && p2_ == 0.0 && shrink_row(u2, v * v, shrink)) {
+            for (std::uint32_t x = 0; x < width; ++x) {
+                to[2 * x] = within((x - principal_x_) * (shrink[x] - 1.0));
+                to[2 * x + 1] = within((y - principal_y_) * (shrink[x] - 1.0));
+            }
+            continue;
+        }
+        shrink.assign(width, 1.0);
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const auto source = undistort({double(x), double(y)});
+            if (!source)
+                throw Error(Status::kInvalidArgument,
+                            fmt::format("the distortion folds over within the image: no ideal point is imaged at pixel "
+                                        "({}, {}); use smaller k1, k2, k3, p1, p2, or check their radius_unit",
+                                        x, y));
+            to[2 * x] = within(source->x - x);
+            to[2 * x + 1] = within(source->y - y);
+        }
+    }
+    return map;
+}
+
 Vignetting::Vignetting(const LensParameters &p) : corner_loss_(p.vignetting_corner_loss) {
     const Distortion geometry(p);
     principal_x_ = geometry.principal_x();
@@ -251,22 +314,7 @@ void Lens::configure(const LensParameters &p) {
                                                 : keeps_filters_       ? displacement_of_
                                                                        : off;
     if (!distortion.identity() && displacement_of != displacement_of_) {
-        std::vector<float> map;
-        map.reserve(std::size_t{p.width} * p.height * 2);
-        for (std::uint32_t y = 0; y < p.height; ++y)
-            for (std::uint32_t x = 0; x < p.width; ++x) {
-                const auto source = distortion.undistort({double(x), double(y)});
-                if (!source)
-                    throw Error(
-                        Status::kInvalidArgument,
-                        fmt::format("the distortion folds over within the image: no ideal point is imaged at pixel "
-                                    "({}, {}); use smaller k1, k2, k3, p1, p2, or check their radius_unit",
-                                    x, y));
-                // No image is wider than this; farther sources are all outside.
-                constexpr double kFarthest = 1e6;
-                map.push_back(static_cast<float>(std::clamp(source->x - x, -kFarthest, kFarthest)));
-                map.push_back(static_cast<float>(std::clamp(source->y - y, -kFarthest, kFarthest)));
-            }
+        const std::vector<float> map = distortion.displacements(p.width, p.height);
         displacement = DeviceBuffer(context_, map.size() * sizeof(float), map.data());
     }
     std::unique_ptr<FftFilter> glare;

@@ -13,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace clsp {
 
@@ -54,6 +55,9 @@ class Distortion {
     // the distortion turns back (or where the tangential terms fold the plane).
     std::optional<Point> distort(Point ideal) const;
     std::optional<Point> undistort(Point distorted) const;
+    // For each pixel of an image by how much its ideal point is moved, x and y, rows one after the other. Throws
+    // kInvalidArgument where the lens images no point.
+    std::vector<float> displacements(std::uint32_t width, std::uint32_t height) const;
 
   private:
     struct Jacobian {
@@ -65,6 +69,9 @@ class Distortion {
     Jacobian jacobian(Point p) const;
     bool unfolded(Point p) const;
     std::optional<double> undistorted_radius(double distorted) const;
+    // Without tangential terms: ideal over distorted radius of a row of pixels at distances u2^0.5 along it. shrink:
+    // any guess, for example that of the row before. False where it cannot be told so.
+    bool shrink_row(const std::vector<double> &u2, double v2, std::vector<double> &shrink) const;
 
     double principal_x_, principal_y_, corner_px_;
     double unit_x_, unit_y_; // pixels

@@ -20,6 +20,16 @@ std::int64_t frequency(std::uint32_t i, std::uint32_t n) {
     return i < (n + 1) / 2 ? std::int64_t{i} : std::int64_t{i} - n;
 }
 
+// The bins of n whose frequencies are at most `farthest`, in their order. Beyond the rim no pupil passes anything, so
+// that all else in a grid stays 0.
+std::vector<std::uint32_t> bins_within(double farthest, std::uint32_t n) {
+    std::vector<std::uint32_t> bins;
+    for (std::uint32_t i = 0; i < n; ++i)
+        if (std::abs(double(frequency(i, n))) <= farthest)
+            bins.push_back(i);
+    return bins;
+}
+
 // Looked up bilinearly in pupil coordinates, the rim at 1.
 class PupilImage {
   public:
@@ -109,11 +119,11 @@ bool aberrated(const PupilParameters &p) {
 }
 
 double wavefront(const PupilParameters &p, double u, double v) {
-    const double rho = std::hypot(u, v), theta = std::atan2(v, u);
+    const double rho = std::hypot(u, v);
     double waves = p.defocus_waves * rho * rho;
     for (std::uint32_t i = 0; i < kZernikeCount; ++i)
         if (p.zernike_waves[i] != 0.0)
-            waves += p.zernike_waves[i] * zernike(i + kFirstZernike, rho, theta);
+            waves += p.zernike_waves[i] * zernike(i + kFirstZernike, rho, std::atan2(v, u));
     return waves;
 }
 
@@ -125,11 +135,12 @@ double rim(double way, double soft) {
 
 // The slope of the wavefront, in turns per frequency step, is where light of that frequency lands, in grid widths: half
 // a turn is half the grid. Beyond it the samples would show another wavefront than the one that was asked for.
-void check_sampling(const std::vector<double> &waves, const std::vector<float> &transmission, const FieldGrid &grid) {
+void check_sampling(const std::vector<double> &waves, const std::vector<float> &transmission, const FieldGrid &grid,
+                    const std::vector<std::uint32_t> &rows, const std::vector<std::uint32_t> &columns) {
     const std::uint32_t width = grid.grid_width, height = grid.grid_height;
     double steepest = 0.0;
-    for (std::uint32_t y = 0; y < height; ++y) {
-        for (std::uint32_t x = 0; x < width; ++x) {
+    for (const std::uint32_t y : rows) {
+        for (const std::uint32_t x : columns) {
             const std::size_t i = std::size_t{y} * width + x;
             const std::size_t right = std::size_t{y} * width + (x + 1) % width,
                               below = std::size_t{(y + 1) % height} * width + x;
@@ -196,11 +207,13 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     // in 63 bits and in the 64 bits of a long double): a float test errs at 3-4-5 triangles, and the margin settles D
     // that are not binary fractions.
     const auto w2 = std::int64_t{width} * width, h2 = std::int64_t{height} * height;
-    const long double limit = (1.0L - 0x1p-40L) * static_cast<long double>(d) * d * w2 * h2 / 4.0L;
-
+    // Whole numbers are below a limit if they are below the next whole number.
+    const auto limit =
+        static_cast<std::int64_t>(std::ceil((1.0L - 0x1p-40L) * static_cast<long double>(d) * d * w2 * h2 / 4.0L));
     // The obstruction's own boundary is out as well.
-    const long double least = (1.0L + 0x1p-40L) * static_cast<long double>(d * p.obstruction_ratio) *
-                              (d * p.obstruction_ratio) * w2 * h2 / 4.0L;
+    const auto least =
+        static_cast<std::int64_t>(std::floor((1.0L + 0x1p-40L) * static_cast<long double>(d * p.obstruction_ratio) *
+                                             (d * p.obstruction_ratio) * w2 * h2 / 4.0L));
     // A hair inside a boundary that is not decided in integers: rounding must not let frequencies on it pass.
     constexpr double kInside = 1.0 - 0x1p-41;
 
@@ -216,19 +229,24 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     if (p.shape == PupilShape::kPolygon)
         polygon.emplace(p);
     double sum = 0.0;
-    for (std::uint32_t y = 0; y < height; ++y) {
+    const std::vector<std::uint32_t> rows = bins_within(0.5 * d * height, height),
+                                     columns = bins_within(0.5 * d * width, width);
+    for (const std::uint32_t y : rows) {
         const std::int64_t ky = frequency(y, height);
-        for (std::uint32_t x = 0; x < width; ++x) {
+        const double v = 2.0 * double(ky) / (d * height);
+        for (const std::uint32_t x : columns) {
             const std::int64_t kx = frequency(x, width);
             double t = 0.0;
             // Pupil coordinates, 1 at the rim.
-            const double u = 2.0 * double(kx) / (d * width), v = 2.0 * double(ky) / (d * height);
-            const auto k2 = static_cast<long double>(kx * kx * h2 + ky * ky * w2);
+            const double u = 2.0 * double(kx) / (d * width);
+            const std::int64_t k2 = kx * kx * h2 + ky * ky * w2;
             if (image) {
                 // The boundary itself is out, as the circle's rim is; the margin is the circle's.
                 const double way = std::max(std::abs(u), std::abs(v));
                 if (way < kInside)
                     t = (*image)(u, v) * rim(way, p.soft_rim);
+            } else if (k2 < limit && !polygon && p.soft_rim == 0.0) {
+                t = 1.0;
             } else if (k2 < limit) {
                 double way = std::sqrt(u * u + v * v);
                 if (polygon)
@@ -257,14 +275,18 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
                           : "the pupil passes nothing: the grid's frequencies all lie outside its boundary or on its "
                             "obstruction; use a smaller obstruction_ratio, a larger image or a larger guard_px");
     if (!waves.empty()) {
-        check_sampling(waves, pupil.transmission, grid);
-        pupil.phase_turns.resize(waves.size());
-        std::transform(waves.begin(), waves.end(), pupil.phase_turns.begin(),
-                       [](double turns) { return static_cast<float>(std::remainder(turns, 1.0)); });
+        check_sampling(waves, pupil.transmission, grid, rows, columns);
+        pupil.phase_turns.assign(waves.size(), 0.0f);
     }
     const double scale = p.normalization == Normalization::kUnitMean ? gain / std::sqrt(pupil.mean_transmission) : gain;
-    for (float &t : pupil.transmission)
-        t = static_cast<float>(t * scale);
+    for (const std::uint32_t y : rows)
+        for (const std::uint32_t x : columns) {
+            const std::size_t i = std::size_t{y} * width + x;
+            float &t = pupil.transmission[i];
+            t = static_cast<float>(t * scale);
+            if (!waves.empty() && t > 0.0f)
+                pupil.phase_turns[i] = static_cast<float>(std::remainder(waves[i], 1.0));
+        }
     return pupil;
 }
 

@@ -148,6 +148,9 @@ bool has_telegraph_noise(const SensorParameters &p) {
     return p.telegraph_fraction > 0.0 && p.telegraph_step_dn > 0.0;
 }
 
+// As kernels/stages/sensor.cl has them: maps of the host that a fixed pattern is drawn upon.
+constexpr cl_uint kDarkFrameGiven = 1, kGainMapGiven = 2;
+
 // Cycles as 2^-32 turns.
 cl_uint turns_of(double cycles) {
     return static_cast<cl_uint>(static_cast<std::int64_t>(std::llround(cycles * 4294967296.0)));
@@ -210,10 +213,8 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
 void Sensor::make_fixed_pattern() {
     const SensorParameters &p = parameters_;
     const std::size_t pixels = std::size_t{p.width} * p.height;
-    if (has_offset(p)) {
-        const std::vector<float> zeros(p.dark_frame_dn ? 0 : pixels, 0.0f);
-        offset_ = DeviceBuffer(context_, pixels * sizeof(float), p.dark_frame_dn ? dark_frame_.data() : zeros.data());
-    }
+    if (has_offset(p))
+        offset_ = DeviceBuffer(context_, pixels * sizeof(float), p.dark_frame_dn ? dark_frame_.data() : nullptr);
     if (has_response(p))
         response_ = DeviceBuffer(context_, pixels);
     if (has_pixel_gain(p))
@@ -223,21 +224,15 @@ void Sensor::make_fixed_pattern() {
     if (!draws_offset(p) && !response_ && !pixel_gain_ && !read_noise_map_)
         return; // nothing to draw
     const std::uint32_t quarter = quarter_rows(p.height);
-    const std::string options = fmt::format(
-        "-DFIXED_PATTERN=1 -DHOT={} -DCOLD={} -DPRNU={} -DGAIN_MAP={} -DCOLUMN_PRNU={} -DROW_PRNU={} -DDULL={} -DDSNU={} "
-        "-DCOLUMN_OFFSET={} -DROW_OFFSET={} -DPERIODIC={} -DREAD_NOISE_SPREAD={}",
-        p.hot_pixel_fraction > 0.0 ? 1 : 0, response_ ? 1 : 0, pixel_gain_ ? 1 : 0, p.gain_map ? 1 : 0,
-        p.column_prnu > 0.0 ? 1 : 0, p.row_prnu > 0.0 ? 1 : 0, p.dull_pixel_fraction > 0.0 ? 1 : 0, p.dsnu_dn > 0.0 ? 1 : 0,
-        p.column_offset_dn > 0.0 ? 1 : 0, p.row_offset_dn > 0.0 ? 1 : 0, p.periodic_offset_dn > 0.0 ? 1 : 0,
-        read_noise_map_ ? 1 : 0);
     constexpr double kDullest = 0.7; // gains of dull pixels are uniform from there to 1
     const double dull_slope = p.dull_pixel_fraction > 0.0 ? (kDullest - 1.0) / p.dull_pixel_fraction : 0.0;
-    cl::Kernel kernel = context_->kernel("stages/sensor.cl", "sensor_fixed_pattern", options);
+    cl::Kernel kernel = context_->kernel("stages/sensor.cl", "sensor_fixed_pattern", "-DFIXED_PATTERN=1");
     KernelArguments(kernel)
         .add(offset_.get())
         .add(response_.get())
         .add(pixel_gain_.get())
         .add(read_noise_map_.get())
+        .add(cl_uint{(p.dark_frame_dn ? kDarkFrameGiven : 0u) | (p.gain_map ? kGainMapGiven : 0u)})
         .add(cl_uint{p.width})
         .add(cl_uint{p.height})
         .add(cl_uint{quarter})

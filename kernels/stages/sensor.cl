@@ -3,79 +3,88 @@
 
 #if FIXED_PATTERN
 
-// Drawn once. offset (dark frame already in it) gains hot pixels, DSNU, column and row offsets and a wave; response is 0
-// at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP the map is already in it) is the PRNU of pixels, columns and
-// rows, less at dull pixels, 0 at cold ones;
-// read_noise_map is each pixel's standard deviation. periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope:
-// of a dull pixel's gain over its random number. Only what is on is written: the other buffers may be NULL. One work-item
-// a Philox block.
+// Drawn once. offset (with DARK_FRAME_GIVEN the dark frame is already in it) gets hot pixels, DSNU, column and row offsets
+// and a wave; response is 0 at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP_GIVEN the map is already in it) is the
+// PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones; read_noise_map is each pixel's standard deviation.
+// periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope: of a dull pixel's gain over its random number. What
+// is 0 is off, and a buffer that nothing is written to may be NULL: cameras differ in these sets without end, so that no
+// program is built for each. One work-item a Philox block.
+#define DARK_FRAME_GIVEN 1
+#define GAIN_MAP_GIVEN 2
 __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *response, __global float *pixel_gain,
-                                   __global float *read_noise_map, uint width, uint height, uint quarter, uint2 key,
-                                   float hot_fraction, float hot_mean, float cold_fraction, float prnu,
+                                   __global float *read_noise_map, uint given, uint width, uint height, uint quarter,
+                                   uint2 key, float hot_fraction, float hot_mean, float cold_fraction, float prnu,
                                    float column_prnu, float row_prnu, float dull_fraction, float dull_slope, float dsnu,
                                    float column_offset, float row_offset, float periodic, uint periodic_x, uint periodic_y,
                                    float read_noise, float read_noise_spread) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
-    const words4 hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
-    const words4 hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
-    const words4 cold = image_block(x, row, 0, 0, STREAM_COLD_PIXEL, key);
-    const normals4 gains = normals_from_block(image_block(x, row, 0, 0, STREAM_PRNU, key));
-    const normals4 offsets = normals_from_block(image_block(x, row, 0, 0, STREAM_DSNU, key));
-    const normals4 column = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_OFFSET, key));
-    const normals4 spread = normals_from_block(image_block(x, row, 0, 0, STREAM_READ_NOISE_SPREAD, key));
-    const normals4 column_gain = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_PRNU, key));
-    const normals4 row_gains = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_PRNU, key));
-    const words4 dull = image_block(x, row, 0, 0, STREAM_DULL_PIXEL, key);
-    const normals4 row_offsets = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_OFFSET, key));
-    const words4 periodic_phase = image_block(0, 0, 0, 0, STREAM_PERIODIC_PHASE, key);
+    const words4 no_words = {0, 0, 0, 0};
+    const normals4 no_normals = {0.0f, 0.0f, 0.0f, 0.0f};
+    words4 hot = no_words, hot_offset = no_words, cold = no_words, dull = no_words, periodic_phase = no_words;
+    normals4 gains = no_normals, offsets = no_normals, column = no_normals, row_offsets = no_normals, spread = no_normals,
+             column_gain = no_normals, row_gains = no_normals;
+    if (hot_fraction > 0.0f) {
+        hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
+        hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
+    }
+    if (dsnu > 0.0f)
+        offsets = normals_from_block(image_block(x, row, 0, 0, STREAM_DSNU, key));
+    if (column_offset > 0.0f)
+        column = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_OFFSET, key));
+    if (row_offset > 0.0f)
+        row_offsets = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_OFFSET, key));
+    if (periodic > 0.0f)
+        periodic_phase = image_block(0, 0, 0, 0, STREAM_PERIODIC_PHASE, key);
+    if (cold_fraction > 0.0f)
+        cold = image_block(x, row, 0, 0, STREAM_COLD_PIXEL, key);
+    if (prnu > 0.0f)
+        gains = normals_from_block(image_block(x, row, 0, 0, STREAM_PRNU, key));
+    if (column_prnu > 0.0f)
+        column_gain = normals_from_block(image_block(x, 0, 0, 0, STREAM_COLUMN_PRNU, key));
+    if (row_prnu > 0.0f)
+        row_gains = normals_from_block(image_block(0, row, 0, 0, STREAM_ROW_PRNU, key));
+    if (dull_fraction > 0.0f)
+        dull = image_block(x, row, 0, 0, STREAM_DULL_PIXEL, key);
+    if (read_noise_map)
+        spread = normals_from_block(image_block(x, row, 0, 0, STREAM_READ_NOISE_SPREAD, key));
     for (uint j = 0; j < 4; ++j) {
         const uint y = row + j * quarter;
         if (y >= height)
             continue;
         const ulong i = (ulong)y * width + x;
-#if HOT
-        if (uniform_from_word(word_of(hot, j)) < hot_fraction)
-            offset[i] += hot_mean * minus_log(uniform_from_word(word_of(hot_offset, j)));
-#endif
-#if DSNU
-        offset[i] += dsnu * normal_of(offsets, j);
-#endif
-#if COLUMN_OFFSET
-        offset[i] += column_offset * column.n0;
-#endif
-#if ROW_OFFSET
-        offset[i] += row_offset * normal_of(row_offsets, j);
-#endif
-#if PERIODIC
-        offset[i] += periodic * phasor_from_word(periodic_phase.w0 + x * periodic_x + y * periodic_y).im;
-#endif
-        const bool is_cold = uniform_from_word(word_of(cold, j)) < cold_fraction;
-#if COLD
-        response[i] = is_cold ? 0 : 1;
-#endif
-#if PRNU
-        float gain = is_cold ? 0.0f : fmax(fma(prnu, normal_of(gains, j), 1.0f), 0.0f);
-#if COLUMN_PRNU
-        gain *= fmax(fma(column_prnu, column_gain.n0, 1.0f), 0.0f);
-#endif
-#if ROW_PRNU
-        gain *= fmax(fma(row_prnu, normal_of(row_gains, j), 1.0f), 0.0f);
-#endif
-#if DULL
-        const float chance = uniform_from_word(word_of(dull, j));
-        gain *= chance < dull_fraction ? fma(dull_slope, chance, 1.0f) : 1.0f;
-#endif
-#if GAIN_MAP
-        gain *= pixel_gain[i];
-#endif
-        pixel_gain[i] = gain;
-#endif
-#if READ_NOISE_SPREAD
-        // E exp(2 s n) = exp(2 s^2), so exp(s n - s^2) has mean square 1.
-        read_noise_map[i] = read_noise * exp_of(read_noise_spread * (normal_of(spread, j) - read_noise_spread));
-#endif
+        if (offset) {
+            float sum = given & DARK_FRAME_GIVEN ? offset[i] : 0.0f;
+            if (hot_fraction > 0.0f && uniform_from_word(word_of(hot, j)) < hot_fraction)
+                sum += hot_mean * minus_log(uniform_from_word(word_of(hot_offset, j)));
+            if (dsnu > 0.0f)
+                sum += dsnu * normal_of(offsets, j);
+            if (column_offset > 0.0f)
+                sum += column_offset * column.n0;
+            if (row_offset > 0.0f)
+                sum += row_offset * normal_of(row_offsets, j);
+            if (periodic > 0.0f)
+                sum += periodic * phasor_from_word(periodic_phase.w0 + x * periodic_x + y * periodic_y).im;
+            offset[i] = sum;
+        }
+        const bool is_cold = cold_fraction > 0.0f && uniform_from_word(word_of(cold, j)) < cold_fraction;
+        if (response)
+            response[i] = is_cold ? 0 : 1;
+        if (pixel_gain) {
+            // A normal number that was not drawn is 0, and the factor of what is off 1.
+            float gain = is_cold ? 0.0f : fmax(fma(prnu, normal_of(gains, j), 1.0f), 0.0f);
+            gain *= fmax(fma(column_prnu, column_gain.n0, 1.0f), 0.0f);
+            gain *= fmax(fma(row_prnu, normal_of(row_gains, j), 1.0f), 0.0f);
+            const float chance = uniform_from_word(word_of(dull, j));
+            gain *= dull_fraction > 0.0f && chance < dull_fraction ? fma(dull_slope, chance, 1.0f) : 1.0f;
+            if (given & GAIN_MAP_GIVEN)
+                gain *= pixel_gain[i];
+            pixel_gain[i] = gain;
+        }
+        if (read_noise_map)
+            // E exp(2 s n) = exp(2 s^2), so exp(s n - s^2) has mean square 1.
+            read_noise_map[i] = read_noise * exp_of(read_noise_spread * (normal_of(spread, j) - read_noise_spread));
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include "fft/cpu/codelets.hpp"
 #include "fft/cpu/lanes.hpp"
+#include "fft/cpu/lines.hpp"
 #include "fft/plan/pupil_tables.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
@@ -115,8 +116,9 @@ class CpuEngine final : public Engine {
     void make_tables(const Pupil &pupil, bool any_pupil);
 
     std::uint32_t lanes_;
-    LinePlan row_plan_, column_plan_;
-    ProgramCache::GeneratedHeader row_codelets_, column_codelets_;
+    std::shared_ptr<const CpuLines> row_lines_, column_lines_;
+    const LinePlan &row_plan_, &column_plan_;
+    const ProgramCache::GeneratedHeader &row_codelets_, &column_codelets_;
     std::uint32_t pupil_columns_ = 0, column_blocks_ = 0, capacity_blocks_ = 0;
     bool complex_pupil_ = false;
     std::optional<float> hard_amplitude_; // where the pupil is 0 or this: pupil_ has bits
@@ -138,10 +140,9 @@ bool sums_pixels(std::uint32_t lanes, std::uint32_t oversampling) {
 
 CpuEngine::CpuEngine(const EngineRequest &request)
     : Engine(request, {EngineKind::kCpu, {}, {}}), lanes_(simd_lanes(*context_)),
-      row_plan_(make_cpu_plan(grid_.grid_width)),
-      column_plan_(make_cpu_plan(grid_.grid_height)), row_codelets_{kCpuCodeletsName, cpu_codelets(row_plan_, lanes_)},
-      column_codelets_{kCpuCodeletsName, cpu_codelets(column_plan_, lanes_)},
-      complex_pupil_(!request.pupil.phase_turns.empty()) {
+      row_lines_(cpu_lines(*context_, grid_.grid_width)), column_lines_(cpu_lines(*context_, grid_.grid_height)),
+      row_plan_(row_lines_->plan), column_plan_(column_lines_->plan), row_codelets_(row_lines_->codelets),
+      column_codelets_(column_lines_->codelets), complex_pupil_(!request.pupil.phase_turns.empty()) {
     const std::uint64_t needed = cpu_tile_bytes(grid_.grid_width, lanes_);
     const std::uint64_t local = local_bytes();
     if (needed > local)
@@ -166,7 +167,8 @@ void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     std::vector<cl_uint> positions, others;
     std::vector<cl_uint> blocks;
     const std::uint32_t block_length = row_plan_.block_length();
-    const auto passes = [&](std::uint32_t p) { return column_passes(pupil, grid_, row_plan_.frequencies[p]); };
+    const PassedLines passed(pupil, grid_);
+    const auto passes = [&](std::uint32_t p) { return bool(passed.columns[row_plan_.frequencies[p]]); };
     const std::vector<std::uint8_t> row_ends = needed_ends(row_plan_, passes);
     for (std::uint32_t position = 0; position < width; ++position) {
         if (passes(position))
@@ -188,12 +190,20 @@ void CpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     const std::uint32_t parts = complex_pupil_ ? 2 : 1;
     std::vector<float> amplitudes(std::size_t{column_blocks_} * height * parts * lanes_, 0.0f);
     std::vector<float> line_frequencies(std::size_t{column_blocks_} * lanes_, 0.0f);
+    std::vector<std::uint32_t> columns(pupil_columns_);
     for (std::uint32_t i = 0; i < pupil_columns_; ++i) {
-        const std::uint32_t column = row_plan_.frequencies[positions[i]], block = i / lanes_, lane = i % lanes_;
-        line_frequencies[i] = signed_frequency(column, width);
-        for (std::uint32_t position = 0; position < height; ++position) {
-            float *to = &amplitudes[(std::size_t{block} * height + position) * parts * lanes_ + lane];
-            const std::complex<float> t = scaled_amplitude(pupil, grid_, column_plan_.frequencies[position], column);
+        columns[i] = row_plan_.frequencies[positions[i]];
+        line_frequencies[i] = signed_frequency(columns[i], width);
+    }
+    const double scale = 1.0 / double(grid_.samples());
+    // Row by row, as the pupil lies in memory.
+    for (std::uint32_t position = 0; position < height; ++position) {
+        const std::uint32_t row = column_plan_.frequencies[position];
+        if (!passed.rows[row])
+            continue;
+        for (std::uint32_t i = 0; i < pupil_columns_; ++i) {
+            float *to = &amplitudes[(std::size_t{i / lanes_} * height + position) * parts * lanes_ + i % lanes_];
+            const std::complex<float> t = scaled_amplitude(pupil, std::size_t{row} * width + columns[i], scale);
             to[0] = t.real();
             if (complex_pupil_)
                 to[lanes_] = t.imag();

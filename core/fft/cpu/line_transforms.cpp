@@ -1,6 +1,6 @@
 // Line transforms in lanes behind the Fft interface: columns and rows one after the other.
-#include "fft/cpu/codelets.hpp"
 #include "fft/cpu/lanes.hpp"
+#include "fft/cpu/lines.hpp"
 #include "fft/fft.hpp"
 #include "fft/plan/line_plan.hpp"
 #include "runtime/command_chain.hpp"
@@ -20,13 +20,13 @@ class Axis {
   public:
     Axis(const std::shared_ptr<Context> &context, std::uint32_t length, std::uint32_t lines, bool along_rows)
         : length_(length), lines_(lines), lanes_(simd_lanes(*context)) {
-        const LinePlan plan = make_cpu_plan(length);
-        const ProgramCache::GeneratedHeader codelets{kCpuCodeletsName, cpu_codelets(plan, lanes_)};
+        const std::shared_ptr<const CpuLines> kept = cpu_lines(*context, length);
+        const LinePlan &plan = kept->plan;
         for (const bool inverse : {false, true})
             kernels_[inverse] = context->kernel(
                 "fft/cpu/line_transforms.cl", "line_transform",
                 fmt::format("-DLANES={} -DALONG_ROWS={} -DINVERSE={}", lanes_, along_rows ? 1 : 0, inverse ? 1 : 0),
-                &codelets);
+                &kept->codelets);
         std::vector<cl_uint> positions(length);
         for (std::uint32_t position = 0; position < length; ++position)
             positions[plan.frequencies[position]] = position;

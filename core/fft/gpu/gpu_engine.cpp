@@ -179,13 +179,9 @@ GpuKernel GpuEngine::build_inverse(const WorkGroupShape &shape, const std::strin
 
 void GpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     const std::uint32_t width = grid_.grid_width, height = grid_.grid_height;
-    std::vector<bool> column_passes_pupil(width), row_passes_pupil(height);
-    for (std::uint32_t column = 0; column < width; ++column)
-        column_passes_pupil[column] = column_passes(pupil, grid_, column);
-    for (std::uint32_t row = 0; row < height; ++row)
-        row_passes_pupil[row] = row_passes(pupil, grid_, row);
-    row_band_ = pass_band(row_plan_, column_passes_pupil);
-    column_band_ = pass_band(column_plan_, row_passes_pupil);
+    const PassedLines passed(pupil, grid_);
+    row_band_ = pass_band(row_plan_, passed.columns);
+    column_band_ = pass_band(column_plan_, passed.rows);
     // Tables over the positions are in the order in which neighbouring work-items read them (last_entry() of
     // kernels/fft/gpu/work_groups.h).
     const auto entry = [](const LinePlan &plan, std::uint32_t position) {
@@ -199,7 +195,7 @@ void GpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
         for (std::uint32_t q = 0; q < radix; ++q)
             for (std::uint32_t position = q; position < width; position += radix) {
                 const std::uint32_t column = row_plan_.frequencies[position];
-                if (((row_band_.always >> q & 1u) != 0) != whole || !column_passes_pupil[column])
+                if (((row_band_.always >> q & 1u) != 0) != whole || !passed.columns[column])
                     continue;
                 slots[entry(row_plan_, position)] = static_cast<cl_uint>(columns.size());
                 columns.push_back(column);
@@ -209,13 +205,14 @@ void GpuEngine::make_tables(const Pupil &pupil, bool any_pupil) {
     capacity_columns_ = any_pupil ? pitch_for(width) : pitch_;
 
     const std::size_t parts = complex_pupil_ ? 2 : 1;
+    const double scale = 1.0 / double(grid_.samples());
     std::vector<float> amplitudes(parts * pitch_ * height), line_frequencies, frequencies(height);
     for (std::uint32_t position = 0; position < height; ++position) {
         const std::uint32_t row = column_plan_.frequencies[position];
         frequencies[entry(column_plan_, position)] = signed_frequency(row, height);
         for (std::uint32_t k = 0; k < pupil_columns_; ++k) {
             float *to = &amplitudes[parts * (std::size_t{entry(column_plan_, position)} * pitch_ + k)];
-            const std::complex<float> t = scaled_amplitude(pupil, grid_, row, columns[k]);
+            const std::complex<float> t = scaled_amplitude(pupil, std::size_t{row} * width + columns[k], scale);
             to[0] = t.real();
             if (complex_pupil_)
                 to[1] = t.imag();

@@ -26,27 +26,27 @@ template <typename T> DeviceBuffer device_table(const std::shared_ptr<Context> &
                           : DeviceBuffer(context, values.size() * sizeof(T), values.data());
 }
 
-// True if something of the frequencies `row` along the columns passes.
-inline bool row_passes(const Pupil &pupil, const FieldGrid &grid, std::uint32_t row) {
-    const auto first = pupil.transmission.begin() + std::ptrdiff_t(row) * grid.grid_width;
-    return std::any_of(first, first + grid.grid_width, [](float t) { return t > 0.0f; });
-}
+// Which frequencies along the columns (rows of the grid) and along the rows (its columns) pass something.
+struct PassedLines {
+    PassedLines(const Pupil &pupil, const FieldGrid &grid) : rows(grid.grid_height), columns(grid.grid_width) {
+        std::vector<float> most(grid.grid_width); // of a column
+        const float *t = pupil.transmission.data();
+        for (std::uint32_t row = 0; row < grid.grid_height; ++row, t += grid.grid_width) {
+            rows[row] = std::any_of(t, t + grid.grid_width, [](float passed) { return passed > 0.0f; });
+            for (std::uint32_t column = 0; rows[row] && column < grid.grid_width; ++column)
+                most[column] = std::max(most[column], t[column]);
+        }
+        std::transform(most.begin(), most.end(), columns.begin(), [](float passed) { return passed > 0.0f; });
+    }
 
-// The same of the frequencies `column` along the rows.
-inline bool column_passes(const Pupil &pupil, const FieldGrid &grid, std::uint32_t column) {
-    for (std::uint32_t row = 0; row < grid.grid_height; ++row)
-        if (pupil.transmission[std::size_t{row} * grid.grid_width + column] > 0.0f)
-            return true;
-    return false;
-}
+    std::vector<bool> rows, columns;
+};
 
-// The pupil's amplitude with the inverse transforms' 1 / samples.
-inline std::complex<float> scaled_amplitude(const Pupil &pupil, const FieldGrid &grid, std::uint32_t row,
-                                            std::uint32_t column) {
+// The pupil's amplitude at a place of its grid; scale: the inverse transforms' 1 / samples.
+inline std::complex<float> scaled_amplitude(const Pupil &pupil, std::size_t at, double scale) {
     constexpr double kTurn = 2.0 * 3.14159265358979323846;
-    const std::size_t at = std::size_t{row} * grid.grid_width + column;
-    const double t = 1.0 / double(grid.samples()) * pupil.transmission[at];
-    if (pupil.phase_turns.empty())
+    const double t = scale * pupil.transmission[at];
+    if (pupil.phase_turns.empty() || t == 0.0)
         return {static_cast<float>(t), 0.0f};
     const double angle = kTurn * pupil.phase_turns[at];
     return {static_cast<float>(t * std::cos(angle)), static_cast<float>(t * std::sin(angle))};

@@ -188,6 +188,21 @@ def test_images(context, measured, name, interpolation):
         assert np.array_equal(lens.distort(mask)[compared], reference.warp(mask, sources, "nearest")[compared])
 
 
+@pytest.mark.parametrize("options", [*DISTORTIONS.values(), {"k1": -0.148}, {"k1": 4.0}], ids=str)
+def test_ramps_show_where_pixels_come_from(context, measured, options):
+    """A whole image's sources are found another way than those of points: cubics pass ramps on as they are, to 3e-5 px.
+    -0.148 folds over just behind the corner; 4 brings it there from half of its radius."""
+    lens = make(context, reference.Distortion(WIDTH, HEIGHT, **options))
+    sources = lens.undistort_points(pixels())
+    inside = ((sources > 2) & (sources < np.array([WIDTH, HEIGHT]) - 3)).all(axis=-1)
+    assert inside.sum() > 500
+    for axis in (0, 1):
+        shown = lens.distort(pixels()[..., axis].astype(np.float32))
+        error = np.abs(shown - sources[..., axis])[inside].max()
+        measured("sources, px", error)
+        assert error < 3e-5
+
+
 def test_cubic_keeps_light_positive(context):
     """A bright pixel beside dark ones: the cubic's undershoot is cut, light that may be negative keeps it."""
     lens = clspeckle.Lens((HEIGHT, WIDTH), k1=0.05, context=context)
