@@ -360,8 +360,11 @@ def test_a_folder_is_of_one_set(ideal: npt.NDArray[np.float32], tmp_path: Path) 
     dataset.write(recipe(ideal), tmp_path, count=2)
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="holds another set: its recipe differ"):
         dataset.write(recipe(ideal, seed=12), tmp_path, count=2)
-    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="its count differ"):
-        dataset.write(recipe(ideal), tmp_path, count=3)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="its shard_size, recipe differ"):
+        dataset.write(recipe(ideal, seed=12), tmp_path, count=3, shard_size=2)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="set of 2 pairs, more than 1; give that count or"):
+        dataset.write(recipe(ideal), tmp_path, count=1)
+    assert len(dataset.write(recipe(ideal), tmp_path, count=2)) == 1, "the advice works"
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="expected at least 1 of each"):
         dataset.write(recipe(ideal), tmp_path, count=0)
     (tmp_path / "shard-000000.tar").unlink()
@@ -372,6 +375,115 @@ def test_a_folder_is_of_one_set(ideal: npt.NDArray[np.float32], tmp_path: Path) 
         Pairs(tmp_path)
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match=r"expected what clspeckle.dataset.write\(\) makes"):
         Pairs(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_a_larger_count_goes_on(
+    ideal: npt.NDArray[np.float32], tmp_path: Path, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first count ends with a shard, or within one, whose remainder is then made again."""
+    there = recipe(ideal)
+    dataset.write(there, tmp_path / "whole", count=11, shard_size=2)
+    first = dataset.write(there, tmp_path / "set", count=count, shard_size=2)
+    kept = {path: path.stat().st_mtime_ns for path in first[:2]}
+    with monkeypatch.context() as patch:
+        patch.setattr(shard_files, "_write_shard", no_more)
+        with pytest.raises(OSError, match="no more"):
+            dataset.write(there, tmp_path / "set", count=11, shard_size=2)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="4 of 6 shards are missing"):
+        Pairs(tmp_path / "set")
+    dataset.write(there, tmp_path / "set", count=11, shard_size=2)
+    assert hashes(tmp_path / "set") == hashes(tmp_path / "whole")
+    assert {path: path.stat().st_mtime_ns for path in first[:2]} == kept
+
+
+def no_more(*_: Any) -> int:
+    raise OSError("no more")
+
+
+def test_one_run_in_a_folder_at_a_time(ideal: npt.NDArray[np.float32], recipe_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ("--count", 4000, "--shard-size", 10)
+    run = subprocess.Popen(command(recipe_file, out, *words, "--workers", 2), stderr=subprocess.DEVNULL)
+    try:
+        while not list(out.glob(".shard-*.part")):
+            assert run.poll() is None
+            time.sleep(0.01)
+        other = subprocess.run(command(recipe_file, out, *words), capture_output=True, text=True, check=False)
+        assert other.returncode == 3, other.stderr
+        assert f"process {run.pid} of " in other.stderr
+        assert "writes to it; wait for its end, or name another folder" in other.stderr
+        with pytest.raises(BlockingIOError, match=f"process {run.pid} of "):
+            dataset.write(Recipe.from_file(recipe_file), out, count=4000, shard_size=10)
+    finally:
+        run.kill()
+        run.wait()
+    assert (out / ".lock").exists()
+    # A killed run holds nothing, and its file is nothing that stays.
+    dataset.write(Recipe.from_file(recipe_file), out, count=4000, shard_size=10, progress=lambda *_: False)
+    assert not (out / ".lock").exists()
+
+    def within(done: int, _count: int) -> bool:
+        if done == 1:
+            with pytest.raises(BlockingIOError, match=f"process {os.getpid()} of "):
+                dataset.write(recipe(ideal), tmp_path / "one", count=2, shard_size=1)
+        return True
+
+    dataset.write(recipe(ideal), tmp_path / "one", count=2, shard_size=1, progress=within)
+
+
+def test_a_file_system_without_locks_is_told(
+    ideal: npt.NDArray[np.float32], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def no_locks(_file: int, _how: int) -> None:
+        raise OSError(errno.EOPNOTSUPP, "Operation not supported")
+
+    monkeypatch.setattr(shard_files.fcntl, "flock", no_locks)
+    dataset.write(recipe(ideal), tmp_path / "set", count=1)
+    assert "its file system has no locks" in caplog.text
+    assert sorted(file.name for file in (tmp_path / "set").iterdir()) == ["dataset.json", "shard-000000.tar"]
+
+
+def test_other_numbers_build_no_programs(ideal: npt.NDArray[np.float32]) -> None:
+    """Effects of the catalogue, each alone and those of a kind together, drawn again and again."""
+    alone = [effect for effect in clspeckle.effects() if "stages/dots.cl" not in effect.kernel]
+    assert len(alone) > 30
+    image = np.tile(ideal, (3, 3))
+    with clspeckle.Context() as context:
+
+        def programs() -> int:
+            return context.info().programs_built
+
+        for effect in alone:
+            there = recipe(image, scenes=[image], cameras=[{"bits": 10}], effects=[effect.id], effects_per_image=(1, 1))
+            # Nine steps from weak to strong; what a dataset draws lies between.
+            for step in range(9):
+                between = {p: p.weak + step / 8 * (p.strong - p.weak) for p in effect.parameters}
+                values = {p.name: round(value) if p.whole else value for p, value in between.items()}
+                clspeckle.simulate(image, bits=10, effects={effect.id: values}, context=context)
+            before = programs()
+            for index in range(6):
+                there.render(index, context=context)
+            assert programs() == before, effect.id
+        # Sets of fixed patterns are many; none has a program of its own.
+        patterns = (
+            "prnu",
+            "column_gain",
+            "row_gain",
+            "dsnu",
+            "column_fpn",
+            "row_fpn",
+            "periodic_offset",
+            "hot_pixels",
+            "pixel_dull",
+        )
+        there = recipe(image, scenes=[image], cameras=[{"bits": 10}], effects=patterns, effects_per_image=(2, 9))
+        before = programs()
+        sets = {tuple(there.draw(index).effects) for index in range(40)}
+        assert len(sets) > 30
+        for index in range(40):
+            there.render(index, context=context)
+        assert programs() == before
 
 
 def test_recipes_in_files(recipe_file: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,11 +56,12 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
 
 
-def effects() -> list[Effect]:
-    """Every effect, in the order in which light meets them. Needs no device; may be called from any thread."""
+@functools.lru_cache(maxsize=1)
+def _catalogue() -> dict[str, Effect]:
+    """By id. It is the library's, and stays what it is."""
     count = ctypes.c_uint32()
     _library.call("clspEffectGetCount", ctypes.byref(count))
-    result = []
+    result = {}
     for index in range(count.value):
         info = _library.ClspEffectInfo()
         _library.call("clspEffectGetInfo", index, ctypes.byref(info))
@@ -67,8 +69,14 @@ def effects() -> list[Effect]:
             _library.record(EffectParameter, parameter, whole=bool(info.whole_parameters >> place & 1))
             for place, parameter in enumerate(info.parameters[: info.parameter_count])
         )
-        result.append(_library.record(Effect, info, parameters=parameters))
+        effect = _library.record(Effect, info, parameters=parameters)
+        result[effect.id] = effect
     return result
+
+
+def effects() -> list[Effect]:
+    """Every effect, in the order in which light meets them. Needs no device; may be called from any thread."""
+    return list(_catalogue().values())
 
 
 def find_effect(value: Any) -> Effect:
@@ -77,7 +85,7 @@ def find_effect(value: Any) -> Effect:
         value = value.id
     if not isinstance(value, str):
         raise TypeError(f"effect must be the id of one (see clspeckle.effects()), got {_check.kind(value)}")
-    catalogue = {effect.id: effect for effect in effects()}
+    catalogue = _catalogue()
     if value not in catalogue:
         hint = _check.nearest(value, catalogue) or f"; the effects are {', '.join(catalogue)}"
         raise errors.InvalidArgumentError(f"there is no effect {value!r}{hint}")

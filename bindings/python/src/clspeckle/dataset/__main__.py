@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
 from collections.abc import Sequence
+from types import FrameType
 
 from .. import errors
 from .recipe import Recipe
@@ -31,13 +33,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     """What ``python -m clspeckle.dataset`` does; its exit code, as the program's."""
     arguments = _arguments(argv)
     begin: list[tuple[float, int]] = []
+    signals: list[int] = []
+
+    def interrupt(number: int, _frame: FrameType | None) -> None:
+        signals.append(number)
+        raise KeyboardInterrupt
 
     def progress(done: int, count: int) -> None:
+        if signals:  # Python drops what is raised while an object is finalized
+            raise KeyboardInterrupt
+        if arguments.quiet:
+            return
         begin.append((time.monotonic(), done))
         passed, fresh = begin[-1][0] - begin[0][0], done - begin[0][1]
         left = f", {passed / fresh * (count - done):.0f} s left" if fresh else ""
         print(f"{done} of {count} pairs{left}", file=sys.stderr, flush=True)
 
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
     try:
         shards = write(
             Recipe.from_file(arguments.recipe),
@@ -46,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             shard_size=arguments.shard_size,
             with_ideal=not arguments.no_ideal,
             workers=arguments.workers,
-            progress=None if arguments.quiet else progress,
+            progress=progress,
         )
     except KeyboardInterrupt:
         print("stopped; finished shards stay, the same command goes on", file=sys.stderr)

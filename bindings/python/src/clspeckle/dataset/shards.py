@@ -6,13 +6,17 @@ import concurrent.futures
 import contextlib
 import dataclasses
 import errno
+import fcntl
 import io
 import json
+import logging
 import multiprocessing
 import os
 import secrets
+import socket
 import tarfile
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional
@@ -22,8 +26,11 @@ import numpy as np
 from .. import _check, errors
 from .recipe import Draw, Pair, Recipe, npy_bytes
 
+_log = logging.getLogger("clspeckle")
+
 Progress = Callable[[int, int], Optional[bool]]
 _DESCRIPTION = "dataset.json"
+_LOCK = ".lock"
 
 
 def _shard_name(number: int) -> str:
@@ -57,6 +64,43 @@ def _whole(path: Path) -> Iterator[Any]:
                 os.fspath(path.parent),
             ) from error
         raise
+
+
+def _lock(folder: Path) -> int:
+    """The file that says that a run writes to the folder, open and locked. The lock ends with the process."""
+    path = folder / _LOCK
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.pread(file, 500, 0).decode(errors="replace") or "another run"
+            os.close(file)
+            raise BlockingIOError(
+                errno.EWOULDBLOCK, f"{holder} writes to it; wait for its end, or name another folder", os.fspath(folder)
+            ) from None
+        except OSError as error:
+            _log.warning("%s: its file system has no locks (%s); let no other run write there", folder, error)
+            return file
+        with contextlib.suppress(FileNotFoundError):
+            # Else a run that has just ended took the file away between the two calls, and the lock is of no file.
+            if os.path.samestat(os.fstat(file), path.stat()):
+                return file
+        os.close(file)
+
+
+@contextlib.contextmanager
+def _sole(folder: Path) -> Iterator[None]:
+    """One run in a folder at a time."""
+    file = _lock(folder)
+    try:
+        since = time.strftime("%Y-%m-%d %H:%M:%S")
+        os.truncate(file, 0)
+        os.pwrite(file, f"process {os.getpid()} of {socket.gethostname()}, since {since},".encode(), 0)
+        yield
+    finally:
+        (folder / _LOCK).unlink(missing_ok=True)
+        os.close(file)
 
 
 def _sweep(folder: Path) -> None:
@@ -103,12 +147,21 @@ def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_id
     path = folder / _DESCRIPTION
     if path.exists() and any(folder.glob("shard-*.tar")):
         there = _description(folder)
-        other = [key for key in wanted if there.get(key) != wanted[key]]
+        other = [key for key in wanted if key != "count" and there.get(key) != wanted[key]]
         if other:
             raise errors.InvalidArgumentError(
                 f"{folder} holds another set: its {', '.join(other)} differ; name another folder, or empty it"
             )
-        return
+        if count < there["count"]:
+            raise errors.InvalidArgumentError(
+                f"{folder} holds a set of {there['count']} pairs, more than {count}; give that count or a larger one, "
+                "or name another folder"
+            )
+        if count == there["count"]:
+            return
+        if there["count"] % shard_size:
+            # Its last shard has fewer pairs than it shall have. Gone before the description says that it has them.
+            (folder / _shard_name(there["count"] // shard_size)).unlink(missing_ok=True)
     with _whole(path) as file:
         file.write((json.dumps(wanted, indent=1) + "\n").encode())
 
@@ -137,6 +190,8 @@ def write(
 ) -> list[Path]:
     """Writes pairs 0 to count - 1 of a recipe as WebDataset shards. Shards that are there stay as they are.
 
+    A larger count than that of the set in the folder goes on with it, and comes to what one run of it makes.
+
     Args:
         recipe: what is drawn.
         folder: made if it does not exist; of this set alone.
@@ -152,11 +207,12 @@ def write(
         The shards, in order; where `progress` ended the work, those that there are.
 
     Raises:
-        InvalidArgumentError: see :class:`Recipe`; or the folder holds another set.
+        InvalidArgumentError: see :class:`Recipe`; or the folder holds another set, or a larger one.
+        BlockingIOError: another call writes to the folder; the message says which.
         OSError: the folder cannot be written, or is full. Finished shards stay, half ones are removed.
         RuntimeError: a worker died. Finished shards stay; the next call goes on.
 
-    Threads: one call to a folder at a time; different folders at the same time.
+    Threads: one call to a folder at a time, others are refused; different folders at the same time.
     """
     if not isinstance(recipe, Recipe):
         raise TypeError(f"recipe must be a clspeckle.dataset.Recipe, got {_check.kind(recipe)}")
@@ -170,6 +226,20 @@ def write(
         )
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
+    with _sole(target):
+        return _write_missing(recipe, target, count, shard_size, with_ideal, workers, executor, progress)
+
+
+def _write_missing(
+    recipe: Recipe,
+    target: Path,
+    count: int,
+    shard_size: int,
+    with_ideal: bool,
+    workers: int,
+    executor: Any,
+    progress: Progress | None,
+) -> list[Path]:
     _describe(recipe, target, count, shard_size, with_ideal)
     _sweep(target)
     firsts = range(0, count, shard_size)
