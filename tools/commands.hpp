@@ -7,6 +7,7 @@
 
 #include "capture.hpp"
 #include "console.hpp"
+#include "dataset.hpp"
 #include "depth.hpp"
 #include "diagnose.hpp"
 #include "gap_check.hpp"

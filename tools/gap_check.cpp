@@ -2,21 +2,14 @@
 
 #include "errors.hpp"
 #include "files.hpp"
-#include "interrupt.hpp"
 #include "io/image_io.hpp"
 #include "json.hpp"
+#include "python.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
 
-#include <fcntl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <vector>
 
@@ -26,14 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int levels_up = 6; // from the program to the root of a checkout
-constexpr int no_program = 127;
-
-fs::path this_program() {
-    std::error_code code;
-    const fs::path path = fs::read_symlink("/proc/self/exe", code);
-    return code ? fs::path() : path;
-}
+const fs::path generator_file = fs::path("validation") / "gap_check" / "plan.py";
 
 bool is_generator(const fs::path &folder) {
     std::error_code code;
@@ -62,10 +48,9 @@ fs::path find_generator(const std::string &given) {
     }
     std::error_code code;
     roots.push_back(fs::current_path(code));
-    for (fs::path root : roots)
-        for (int i = 0; i < levels_up && !root.empty(); ++i, root = root.parent_path())
-            if (is_generator(root / "validation" / "gap_check"))
-                return root / "validation" / "gap_check";
+    for (const fs::path &root : roots)
+        if (const fs::path checkout = folder_above(root, generator_file); !checkout.empty())
+            return checkout / "validation" / "gap_check";
     throw InputError(
         "the generator of the check was not found: it is the Python package validation/gap_check of a checkout of clSpeckle, "
         "installed as share/clspeckle/gap_check; run this within the checkout, or name the package with --generator "
@@ -79,63 +64,14 @@ std::string quoted(const std::string &word) {
     return text + "'";
 }
 
-/** Runs a program to its end. output: file for its standard output. @return its exit code, no_program if there is none.
- */
-int run_program(const std::vector<std::string> &words, const std::string &output, bool silent) {
-    std::vector<char *> pointers;
-    for (const std::string &word : words)
-        pointers.push_back(const_cast<char *>(word.c_str()));
-    pointers.push_back(nullptr);
-    const pid_t child = ::fork();
-    if (child < 0)
-        throw OutputError(fmt::format("{} cannot be started: {}", words.front(), std::strerror(errno)));
-    if (child == 0) {
-        sigset_t none; // this program's threads block what is to stop the other one
-        ::sigemptyset(&none);
-        ::sigprocmask(SIG_SETMASK, &none, nullptr);
-        const int to = ::open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
-        if (to >= 0)
-            ::dup2(to, STDOUT_FILENO);
-        if (silent && to >= 0)
-            ::dup2(to, STDERR_FILENO);
-        ::execvp(pointers.front(), pointers.data());
-        ::_exit(no_program);
-    }
-    int status = 0;
-    bool told = false;
-    while (::waitpid(child, &status, WNOHANG) == 0) {
-        // A terminal tells the whole group; a signal to this program alone is passed on.
-        if (!told)
-            try {
-                check_interrupt();
-            } catch (const Interrupted &) {
-                ::kill(child, SIGINT);
-                told = true;
-            }
-        ::usleep(50000);
-    }
-    if (told)
-        throw Interrupted();
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-}
-
 /** What the generator needs; @return whether figures can be drawn. */
 bool check_python(const GeneratorArguments &a, const fs::path &generator) {
     const std::string needs = fmt::format(
         "the generator of the check needs Python 3.9 or newer with NumPy and SciPy: {} -m pip install -r {}; "
         "another Python is named with --python",
         a.python, (generator / "requirements.txt").string());
-    const auto imports = [&](const char *what) {
-        return run_program(
-            {a.python, "-c", fmt::format("import sys; assert sys.version_info >= (3, 9); import {}", what)},
-            "/dev/null", true);
-    };
-    const int code = imports("numpy, scipy");
-    if (code == no_program)
-        throw InputError(fmt::format("there is no program {}; {}", a.python, needs));
-    if (code != 0)
-        throw InputError(needs);
-    return imports("matplotlib") == 0;
+    need_modules(a.python, "numpy, scipy", needs);
+    return run_program({a.python, "-c", "import matplotlib"}, "/dev/null", true) == 0;
 }
 
 std::string percent(const Json &value) {
@@ -225,9 +161,7 @@ Generator run_generator(const GeneratorArguments &a, const char *action, const s
     if (!result.figures)
         words.emplace_back("--no-figures");
     words.insert(words.end(), more.begin(), more.end());
-    const char *path = ::secure_getenv("PYTHONPATH");
-    const std::string packages = package.parent_path().string() + (path && *path ? std::string(":") + path : "");
-    ::setenv("PYTHONPATH", packages.c_str(), 1);
+    prepend_python_path(package.parent_path());
     ::setenv("PYTHONDONTWRITEBYTECODE", "1", 1); // the package may lie where nobody may write
     result.log = (fs::path(a.folder) / fmt::format("{}.log", what)).string();
     const int code = run_program(words, result.log, console.quiet());

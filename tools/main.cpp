@@ -251,6 +251,16 @@ Examples:
       --effect shot_noise --repeats 10
 )";
 
+constexpr const char *dataset_examples =
+    R"(Training data: each pair has a scene, a camera and effects, drawn from the ranges of a recipe (JSON) by its seed and the
+pair's number alone. FOLDER gets WebDataset shards. A stopped run goes on where it was; so does one with a larger --count.
+This is `python -m clspeckle.dataset`, of the Python package. Recipe and files: docs/guide/datasets.md.
+
+Examples:
+  clspeckle dataset recipe.json --out set --count 10000 --workers 2
+  clspeckle dataset recipe.json --out set --count 10 --python .venv/bin/python
+)";
+
 constexpr const char *tune_examples =
     R"(An aperture's Fourier transforms are made by clFFT or by the library's own engine, in vector lanes or in work-groups.
 This measures all of them on a device (lanes not on GPUs), in turn, and keeps medians and choice in the tuning record,
@@ -463,6 +473,7 @@ struct Arguments {
     // gap check, gap power
     tools::GapCheckArguments gap_check;
     tools::GapPowerArguments gap_power;
+    tools::DatasetArguments dataset;
     // doe
     tools::DoeCommands doe;
     // tune
@@ -764,6 +775,32 @@ void add_gap_power(CLI::App &app, tools::GapPowerArguments &a, bool &quiet) {
         ->check(within<std::uint64_t>(0, std::numeric_limits<std::uint64_t>::max()));
 }
 
+void add_dataset(CLI::App &app, tools::DatasetArguments &a, bool &quiet) {
+    app.footer(std::string(dataset_examples) + "\n" + exit_codes);
+    app.add_option("RECIPE", a.recipe, "JSON file with scenes, cameras, effects, effects_per_image and seed")
+        ->required()
+        ->type_name("");
+    app.add_option("--out", a.folder, "Folder of the set; made if it does not exist")->required()->type_name("FOLDER");
+    app.add_option("--count", a.count, "Pairs, 1 to 999999999")
+        ->required()
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint64_t>(1, 999999999));
+    app.add_option("--shard-size", a.shard_size, "Pairs of a shard (default 1000)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, std::numeric_limits<std::uint32_t>::max()));
+    app.add_option("--workers", a.workers, "Processes, each with its share of the cores, 1 to 65535 (default 1)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, 65535));
+    app.add_flag("--no-ideal", a.without_ideal, "Leave the ideal images out of the shards");
+    app.add_option("--python", a.python, "Python that has the package (default python3)")
+        ->type_name("PROGRAM")
+        ->take_last();
+    app.add_flag("--quiet", quiet, "Print errors only");
+}
+
 void add_tune(CLI::App &app, tools::TuneArguments &a, bool &quiet) {
     app.footer(std::string(tune_examples) + "\n" + exit_codes);
     app.add_option("--device", a.device, "OpenCL device, as for render")->type_name("TEXT");
@@ -936,6 +973,9 @@ int run(int argc, char **argv) {
     CLI::App &gap_power = *gap.add_subcommand("power", "Find how weak an effect may be and still be seen and named");
     add_gap_power(gap_power, arguments.gap_power, arguments.quiet);
 
+    CLI::App &dataset = *app.add_subcommand("dataset", "Write pairs of ideal and recorded images, to train with");
+    add_dataset(dataset, arguments.dataset, arguments.quiet);
+
     CLI::App &tune = *app.add_subcommand("tune", "Measure which engine is the fastest on a device, and keep that");
     add_tune(tune, arguments.tune, arguments.quiet);
     add_json(tune, "Print what was measured as JSON on standard output, everything else on standard error");
@@ -996,6 +1036,8 @@ int run(int argc, char **argv) {
         tools::run_gap_check(arguments.gap_check, console);
     else if (gap_power.parsed())
         tools::run_gap_power(arguments.gap_power, console);
+    else if (dataset.parsed())
+        tools::run_dataset(arguments.dataset, arguments.quiet);
     else if (tune.parsed())
         tools::run_tune(arguments.tune, console);
     else if (completion.parsed())
