@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Training pairs a second, and where a pair's processor time goes.
+
+Pairs of 640 x 480 pixels have a camera of their own (f-number, read noise, bits) and one to three random effects of all
+that an image can have. First one process makes pairs, each several times: the first time builds programs, the fastest
+of the others counts, by the processor time of all threads. Then whole sets are written with one worker and with two, to
+files, by the clock; programs that a worker must build first count. Processor time means more than the clock where other
+programs run beside it.
+
+    .venv/bin/python bench/dataset.py --effects
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import statistics
+import tarfile
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+import clspeckle
+from clspeckle import dataset
+from clspeckle.dataset import recipe as recipes
+from clspeckle.dataset import shards
+
+CAMERA = {"f_number": [3.2, 8], "read_noise_dn": {"log": [1, 8]}, "bits": [8, 10], "exposure_gain_dn": 300}
+
+
+def make_recipe(scene: Path, width: int, height: int) -> dataset.Recipe:
+    y, x = np.mgrid[:height, :width]
+    dots = np.exp(-(((x % 16 - 8) ** 2 + (y % 16 - 8) ** 2) / 8.0)) + 0.05
+    np.save(scene, dots.astype(np.float32))
+    effects = [effect.id for effect in clspeckle.effects() if "stages/dots.cl" not in effect.kernel]
+    return dataset.Recipe(scenes=[scene], cameras=[CAMERA], effects=effects, effects_per_image=(1, 3), seed=1)
+
+
+class Times:
+    """Processor time in milliseconds, by what it was spent on."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def of(self, name: str) -> Iterator[None]:
+        begin = time.process_time()
+        yield
+        self.spent[name].append(1e3 * (time.process_time() - begin))
+
+
+def one_pair(recipe: dataset.Recipe, index: int, times: Times, shard: tarfile.TarFile) -> int:
+    """A pair as :meth:`Recipe.render` and a shard make it, in parts. Returns how many programs were built."""
+    context = clspeckle.default_context()
+    before = context.info().programs_built
+    with times.of("draw"):
+        drawn = recipe.draw(index)
+    with times.of("scene"):
+        ideal = recipe.ideal(drawn.scene)
+    with times.of("camera"):
+        camera = clspeckle.Pipeline.from_parameters(ideal.shape, context=context, seed=drawn.seed, **drawn.parameters)
+    with times.of("effects"):
+        for effect, values in drawn.effects.items():
+            with times.of(f"effect {effect}"):
+                camera.set_effect(effect, **values)
+    with times.of("frame"):
+        codes = camera.render(ideal, frame_index=0, refresh="all")
+    with times.of("close"):
+        camera.close()
+    with times.of("file"):
+        shards._add(shard, "codes.npy", recipes.npy_bytes(codes))
+        shards._add(shard, "ideal.npy", recipes.npy_bytes(ideal))
+    return context.info().programs_built - before
+
+
+def processor_seconds() -> float:
+    """Of this process and its children that have ended."""
+    both = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(use.ru_utime + use.ru_stime for use in both)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=100, help="that are timed in parts (default 100)")
+    parser.add_argument("--set", type=int, default=400, help="pairs of a written set; 0: none (default 400)")
+    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="of those sets (default 1 2)")
+    parser.add_argument("--width", type=int, default=640)
+    parser.add_argument("--height", type=int, default=480)
+    parser.add_argument("--effects", action="store_true", help="also what each effect's set_effect() costs")
+    parser.add_argument("--repeats", type=int, default=3, help="of which the fastest counts (default 3)")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        recipe = make_recipe(folder / "scene.npy", arguments.width, arguments.height)
+        rows: dict[str, list[float]] = defaultdict(list)
+        built = again = 0
+        with tarfile.open(folder / "pairs.tar", "w") as shard:
+            for index in range(arguments.pairs):
+                built += one_pair(recipe, index, Times(), shard)
+                parts: dict[str, list[float]] = defaultdict(list)
+                for _ in range(arguments.repeats):
+                    times = Times()
+                    with times.of("pair"):
+                        again += one_pair(recipe, index, times, shard)
+                    for part, spent in times.spent.items():
+                        parts[part].append(sum(spent))
+                for part, spent in parts.items():
+                    rows[part].append(min(spent))
+        print(f"{arguments.pairs} pairs of {arguments.width} x {arguments.height}; "
+              f"{built} programs were built, {again} in pairs made once more")  # fmt: skip
+        print("\n| processor time of | mean, ms | median, ms | largest, ms |\n|---|---|---|---|")
+        for part in [part for part in rows if not part.startswith("effect ")]:
+            spent = rows[part]
+            print(f"| {part} | {statistics.mean(spent):.2f} | {statistics.median(spent):.2f} | {max(spent):.2f} |")
+        if arguments.effects:
+            print("\n| set_effect() of | mean, ms | times |\n|---|---|---|")
+            of_effects = [part for part in rows if part.startswith("effect ")]
+            for part in sorted(of_effects, key=lambda part: -statistics.mean(rows[part])):
+                print(f"| {part[7:]} | {statistics.mean(rows[part]):.2f} | {len(rows[part])} |")
+        if arguments.set and arguments.workers:
+            print("\n| workers | pairs a second | processor time of a pair, ms | to one worker |\n|---|---|---|---|")
+        first = 0.0
+        for workers in arguments.workers if arguments.set else []:
+            wall, processor = time.monotonic(), processor_seconds()
+            size = max(1, arguments.set // 10)
+            dataset.write(recipe, folder / str(workers), count=arguments.set, shard_size=size, workers=workers)
+            rate = arguments.set / (time.monotonic() - wall)
+            first = first or rate
+            spent = 1e3 * (processor_seconds() - processor) / arguments.set
+            print(f"| {workers} | {rate:.1f} | {spent:.1f} | {rate / first:.2f} |")
+
+
+if __name__ == "__main__":
+    main()
