@@ -63,7 +63,7 @@ DeviceRecord inspect(const cl::Platform &platform, const cl::Device &device, std
     return record;
 }
 
-// A driver that does not tell its devices: one that cannot be used, so that it is told why.
+// A driver without devices, or one that does not tell them: one that cannot be used, so that it is told why.
 DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, const cl::Error &error) {
     DeviceRecord record;
     record.platform = platform;
@@ -74,7 +74,13 @@ DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, const 
     } catch (const cl::Error &) {
         record.platform_name = "a platform without a name";
     }
-    record.reason = fmt::format("the driver failed to list its devices: {}", opencl_code_name(error.err()));
+    if (error.err() != CL_DEVICE_NOT_FOUND)
+        record.reason = fmt::format("the driver failed to list its devices: {}", opencl_code_name(error.err()));
+    else if (record.platform_name == "Portable Computing Language")
+        record.reason = "PoCL offers no device where it cannot write its cache. Let POCL_CACHE_DIR (without it "
+                        "XDG_CACHE_HOME, then HOME) name a folder that can be written";
+    else
+        record.reason = "the driver offers no device on this machine";
     return record;
 }
 
@@ -118,7 +124,7 @@ std::string explanation(const std::vector<DeviceRecord> &records, const std::str
     const DeviceRecord *chosen = find(records, selector);
     std::string text;
     if (records.empty())
-        text += "No OpenCL device was found: no platform (driver) is installed, or none has a device.\n";
+        text += "No OpenCL device was found: no platform (driver) is installed.\n";
     for (const DeviceRecord &record : records) {
         std::string verdict;
         if (!record.usable)
@@ -167,8 +173,7 @@ std::vector<DeviceRecord> list_devices() {
         try {
             platforms[p].getDevices(CL_DEVICE_TYPE_ALL, &devices);
         } catch (const cl::Error &error) {
-            if (error.err() != CL_DEVICE_NOT_FOUND) // else a platform without devices
-                records.push_back(silent_platform(platforms[p], p, error));
+            records.push_back(silent_platform(platforms[p], p, error));
             continue;
         }
         for (std::size_t d = 0; d < devices.size(); ++d)

@@ -43,6 +43,31 @@ def test_variables_are_not_read_with_more_rights(name: str) -> None:
     assert secure.returncode == 0, secure.stderr
 
 
+def test_a_platform_without_devices_says_why(tmp_path: Path) -> None:
+    """PoCL has no device where it cannot write its cache, and tells OpenCL nothing of it."""
+    script = SCRIPT.replace("Context()", 'Context("Portable")')
+    caches = ("XDG_CACHE_HOME", "POCL_CACHE_DIR")
+    others = {name: value for name, value in os.environ.items() if name not in caches}
+
+    def of_pocl(variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", script],
+            env={**others, "HOME": "/proc/nowhere", **variables},
+            capture_output=True,
+            check=False,
+            text=True,
+        )
+
+    refused = of_pocl({})
+    assert refused.returncode == 1
+    assert "Portable Computing Language" in refused.stderr
+    named = re.findall(r"[A-Z_]*(?:HOME|CACHE_DIR)", refused.stderr.split("PoCL offers no device")[1])
+    assert named == ["POCL_CACHE_DIR", "XDG_CACHE_HOME", "HOME"]
+    for name in named:
+        followed = of_pocl({name: str(tmp_path)})
+        assert followed.returncode == 0, followed.stderr
+
+
 def test_no_source_reads_them_otherwise() -> None:
     sources = [path for top in ("io", "core", "diagnosis", "capi", "tools") for path in (ROOT / top).rglob("*.[ch]pp")]
     assert len(sources) > 300
