@@ -158,7 +158,7 @@ Cell settle(const DoeCellArguments &a, const std::map<std::string, double> &file
 
 ClspDotLayoutDesc layout_desc(const DoeCellArguments &a, const Cell &cell) {
     auto desc = clspeckle::make<ClspDotLayoutDesc>();
-    constexpr double half_degree = 3.14159265358979323846 / 360.0;
+    constexpr double half_degree = M_PI / 360.0;
     desc.count = a.dots;
     desc.seed = a.seed;
     desc.width = cell.width;

@@ -4,13 +4,12 @@
 
 #include "native/lanes.hpp"
 
+#include <cmath>
 #include <initializer_list>
 
 namespace native {
 
 namespace detail {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // cos and sin of 2 pi e / n, at compile time. |angle| up to pi / 4 in the series.
 constexpr double cosine_series(double a) {
@@ -31,7 +30,7 @@ constexpr double cosine(unsigned e, unsigned n) {
         e = n - e;
     if (4 * e > n)
         return -cosine(n - 2 * e, 2 * n); // cos(pi - a)
-    return 8 * e > n ? sine_series(2.0 * kPi * (double(n) - 4.0 * e) / (4.0 * n)) : cosine_series(2.0 * kPi * e / n);
+    return 8 * e > n ? sine_series(2.0 * M_PI * (double(n) - 4.0 * e) / (4.0 * n)) : cosine_series(2.0 * M_PI * e / n);
 }
 constexpr double sine(unsigned e, unsigned n) {
     return cosine(4 * (e % n) + 3 * n, 4 * n);

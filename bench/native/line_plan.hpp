@@ -40,7 +40,7 @@ template <unsigned... R> struct Plan {
             for (unsigned j = 0; j < block(s); ++j)
                 for (unsigned k = 1; k < kRadices[s]; ++k) {
                     const unsigned n = block(s) * kRadices[s];
-                    const double angle = -2.0 * detail::kPi * double(j * k % n) / n;
+                    const double angle = -2.0 * M_PI * double(j * k % n) / n;
                     table.push_back(float(std::cos(angle)));
                     table.push_back(float(std::sin(angle)));
                 }

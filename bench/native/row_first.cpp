@@ -8,6 +8,7 @@
 #include "native/orders.hpp"
 #include "native/thread_pool.hpp"
 
+#include <cmath>
 #include <cstring>
 
 namespace native {
@@ -27,7 +28,7 @@ template <class P> RowFirstTables row_first_tables() {
     for (unsigned p = 0; p < P::kLength; ++p)
         for (unsigned b = 0; b < kLanes; ++b) {
             const unsigned n = P::kLength * kLanes;
-            const double angle = -2.0 * detail::kPi * double(b * tables.frequencies[p] % n) / n;
+            const double angle = -2.0 * M_PI * double(b * tables.frequencies[p] % n) / n;
             tables.rotations[std::size_t{2 * p} * kLanes + b] = float(std::cos(angle));
             tables.rotations[std::size_t{2 * p + 1} * kLanes + b] = float(std::sin(angle));
         }

@@ -56,7 +56,7 @@ void check(const DotDetectorParameters &p) {
 // Averaging over pixels leaves it as it is. The area is the inverse of the pupil's (Goodman, Speckle Phenomena in
 // Optics, 2007, section 4.5).
 double speckle_area(const DotDetectorParameters &p) {
-    const double pi = 3.14159265358979323846, d = p.relative_diameter, c = p.speckle_contrast;
+    const double pi = M_PI, d = p.relative_diameter, c = p.speckle_contrast;
     return d > 0.0 ? 4.0 * c * c / (pi * d * d) : 0.0;
 }
 

@@ -21,7 +21,6 @@ constexpr int kSubsamples = 4; // along each side: smooth edges of flat beams
 // table is given back to the part that is kept.
 constexpr double kSpotTail = 1e-7;
 constexpr int kLargestSpotRadius = 256;
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kTableTotal = 4.29e9;         // below 2^32 by more than what rounding 513^2 entries can add
 constexpr double kTwoSigmaShare = 0.954499736; // erf(sqrt(2))
 
@@ -176,7 +175,7 @@ SpotShape make_spot_shape(const BeamProfile &beam) {
     std::vector<std::complex<double>> waves(std::size_t(width) * support);
     for (int k = -radius; k <= radius; ++k)
         for (int x = 0; x < support; ++x)
-            waves[std::size_t(k + radius) * support + x] = std::polar(1.0, -2 * kPi * k * x / n);
+            waves[std::size_t(k + radius) * support + x] = std::polar(1.0, -2 * M_PI * k * x / n);
     std::vector<std::complex<double>> rows(std::size_t(support) * width);
     for (int j = 0; j < support; ++j)
         for (int k = 0; k < width; ++k) {

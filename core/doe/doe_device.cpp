@@ -1,5 +1,6 @@
 #include "doe/doe_device.hpp"
 
+#include <cmath>
 #include <fmt/core.h>
 #include <utility>
 
@@ -18,7 +19,7 @@ std::complex<double> doe_level_phasor(std::uint32_t level, std::uint32_t levels)
         default:
             return {0.0, -1.0};
         }
-    return std::polar(1.0, 2.0 * 3.14159265358979323846 * level / levels);
+    return std::polar(1.0, 2.0 * M_PI * level / levels);
 }
 
 DoeDevice::DoeDevice(std::shared_ptr<Context> context, std::uint32_t width, std::uint32_t height)

@@ -11,7 +11,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint64_t kMaxDots = 1000000;
 
 void check_design(const DoePatternParameters &p) {
@@ -106,7 +105,7 @@ std::vector<SpectralLine> laser_lines(const DoePatternParameters &p) {
 void check_levels(const std::vector<float> &phase, std::uint32_t levels, std::uint32_t width) {
     if (levels == 0)
         return;
-    const double step = 2 * kPi / levels;
+    const double step = 2 * M_PI / levels;
     for (std::size_t i = 0; i < phase.size(); ++i) {
         const double steps = (double(phase[i]) - phase[0]) / step;
         if (std::abs(steps - std::round(steps)) * step > 2e-3)
@@ -163,7 +162,7 @@ double DoeElement::phase_scale(double wavelength_m) const {
 double DoeElement::phase_noise(double wavelength_m) const {
     const DoeDefects &d = parameters.defects;
     const double n = d.refractive_index + d.dispersion_per_m * (wavelength_m - parameters.wavelength_m);
-    return 2 * kPi * (n - 1) * d.etch_noise_rms_m / wavelength_m;
+    return 2 * M_PI * (n - 1) * d.etch_noise_rms_m / wavelength_m;
 }
 
 std::array<double, 2> DoeElement::direction(std::size_t dot, double wavelength_m) const {

@@ -49,7 +49,7 @@ std::vector<cl_float2> first_phasors(const DoeDesignParameters &p) {
     std::vector<cl_float2> phasors(p.orders.size());
     for (std::size_t k = 0; k < p.orders.size(); ++k) {
         const auto block = host_block(p.seed, {static_cast<std::uint32_t>(k), 0, 0, kStreamDoePhase});
-        double angle = 2.0 * 3.14159265358979323846 * block[0] * 0x1p-32;
+        double angle = 2.0 * M_PI * block[0] * 0x1p-32;
         if (p.levels == 2) {
             const DoeOrder &order = p.orders[k];
             const std::size_t twin = index.at(doe_bin({-order.m, -order.n, 1.0}, p.width, p.height));

@@ -13,7 +13,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kLargestWeightRatio = 1e6;
 
 std::uint64_t key_of(std::int32_t m, std::int32_t n) {
@@ -163,7 +162,7 @@ void check_mirror(DoeDesignParameters &p, OrderIndex index) {
 } // namespace
 
 double doe_envelope(std::int32_t m, std::int32_t n, std::uint32_t width, std::uint32_t height) {
-    const auto sinc = [](double x) { return x == 0.0 ? 1.0 : std::sin(kPi * x) / (kPi * x); };
+    const auto sinc = [](double x) { return x == 0.0 ? 1.0 : std::sin(M_PI * x) / (M_PI * x); };
     return sinc(double(m) / width) * sinc(double(n) / height);
 }
 

@@ -13,7 +13,7 @@ namespace {
 // Squares of the grid along an axis; few dots do not need many.
 constexpr double kMostSquares = 2048.0;
 // Dots between two words to whoever waits.
-constexpr std::size_t kTellEvery = 256;
+constexpr std::size_t kDotsBetweenReports = 256;
 // Neighbours of all dots that are kept at once: 800 MB.
 constexpr double kMostNeighbors = 5e7;
 
@@ -76,9 +76,8 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
         half_u = std::max(half_u, std::abs(d.u));
         half_v = std::max(half_v, std::abs(d.v));
     }
-    constexpr double kPi = 3.14159265358979323846;
     const double count = double(dots.size()), area = std::max(4.0 * half_u * half_v, 1e-24);
-    const double neighbors = count * std::min(count, count * kPi * rules.radius * rules.radius / area);
+    const double neighbors = count * std::min(count, count * M_PI * rules.radius * rules.radius / area);
     if (neighbors > kMostNeighbors)
         throw Error(Status::kInvalidArgument,
                     fmt::format("within neighborhood_radius {:g} {} dots have some {:.1e} neighbours together, at most "
@@ -107,7 +106,7 @@ NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, co
               [&](std::size_t a, std::size_t b) { return dots[a].v < dots[b].v || (dots[a].v == dots[b].v && a < b); });
     double sum = 0.0;
     for (std::size_t a = 0; a < by_row.size(); ++a) {
-        if (a % kTellEvery == 0)
+        if (a % kDotsBetweenReports == 0)
             tell(double(a) / double(by_row.size()));
         for (std::size_t b = a + 1; b < by_row.size(); ++b) {
             const std::size_t i = by_row[a], j = by_row[b];

@@ -8,10 +8,8 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 double sinc(double x) {
-    return std::abs(x) < 1e-8 ? 1.0 : std::sin(kPi * x) / (kPi * x);
+    return std::abs(x) < 1e-8 ? 1.0 : std::sin(M_PI * x) / (M_PI * x);
 }
 
 // RMS of power over wanted power, over its mean, minus 1.

@@ -9,7 +9,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint32_t kLeastSteps = 4;
 constexpr double kLongestPath = 32.0; // of exposure_modes()
 // By fewer lines of the laser: of the squared contrast of the whole exposure, to which a weak pattern adds little.
@@ -22,7 +21,7 @@ double intensity_correlation(double path, Dynamics dynamics) {
     const double d = kKnotsPerPath * path;
     if (d >= 2.0)
         return 0.0;
-    const double rho = (1.0 - 0.5 * d) * std::cos(0.5 * kPi * d) + std::sin(0.5 * kPi * d) / kPi;
+    const double rho = (1.0 - 0.5 * d) * std::cos(0.5 * M_PI * d) + std::sin(0.5 * M_PI * d) / M_PI;
     return rho * rho;
 }
 

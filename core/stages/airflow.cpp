@@ -15,14 +15,13 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 // G falls to 2e-8 at (pi f L)^2 / 2 = 17.7.
 constexpr double kSmallestExponent = 17.7;
 
 // One axis of G from the lowest kept frequency to the highest, its peak 1.
 std::vector<double> axis_filter(std::uint32_t samples, std::uint32_t oversampling, double scale_px) {
     // Frequency bin k is k * oversampling / samples cycles per pixel.
-    const double per_bin = kPi * scale_px * oversampling / samples;
+    const double per_bin = M_PI * scale_px * oversampling / samples;
     const double last = std::sqrt(2.0 * kSmallestExponent) / per_bin;
     // Never the highest frequency of an even grid: it has no partner of the other sign.
     const auto half = static_cast<int>(std::min(last, double((samples - 1) / 2)));
@@ -74,7 +73,7 @@ Airflow::Airflow(std::shared_ptr<Context> context, const FieldGrid &grid, const 
     box_height_ = static_cast<std::uint32_t>(y.size());
     // The inverse transform divides by the number of samples N, so each sample of its real part has the variance
     // sum(G^2) / N^2: at each frequency the two parts of W, weighted by a cosine and a sine, add to 1.
-    const double turns = p.rms_rad / (2.0 * kPi);
+    const double turns = p.rms_rad / (2.0 * M_PI);
     const double gain = turns * double(grid_.samples()) / std::sqrt(power(x) * power(y));
     // Half of the gain on each axis: both stay within a float's range.
     filter_x_ = upload(context_, x, std::sqrt(gain));

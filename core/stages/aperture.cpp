@@ -15,7 +15,6 @@ namespace {
 // Host memory for sub-buffers must be aligned so on every device that we know (CL_DEVICE_MEM_BASE_ADDR_ALIGN is at most
 // 4096 bits there; a page is generous).
 constexpr std::uint64_t kWorkspaceAlignment = 4096;
-constexpr double kPi = 3.14159265358979323846;
 
 std::uint64_t aligned(std::uint64_t bytes) {
     return (bytes + kWorkspaceAlignment - 1) / kWorkspaceAlignment * kWorkspaceAlignment;
@@ -65,7 +64,7 @@ void Aperture::configure(const ApertureParameters &p) {
         for (std::size_t i = 0; i < amplitudes.size(); ++i) {
             if (pupil.transmission[i] == 0.0f)
                 continue;
-            const double t = pupil.transmission[i], angle = 2.0 * kPi * pupil.phase_turns[i];
+            const double t = pupil.transmission[i], angle = 2.0 * M_PI * pupil.phase_turns[i];
             amplitudes[i] = {{static_cast<float>(t * std::cos(angle)), static_cast<float>(t * std::sin(angle))}};
         }
         pupil_buffer = DeviceBuffer(context_, amplitudes.size() * sizeof(cl_float2), amplitudes.data());

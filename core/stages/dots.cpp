@@ -181,7 +181,7 @@ double skewed_flux(double skew) {
         return 1.0;
     const double a0 = -2.0 * std::cosh(std::acosh(3.0 / s) / 3.0);
     const double normal_law = 0.5 * std::erfc(a0 / std::sqrt(2.0)); // Phi(-a0)
-    const double density = std::exp(-0.5 * a0 * a0) / std::sqrt(2.0 * 3.14159265358979323846);
+    const double density = std::exp(-0.5 * a0 * a0) / std::sqrt(2.0 * M_PI);
     return normal_law + s / 6.0 * (a0 * a0 - 1.0) * density;
 }
 

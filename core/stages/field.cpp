@@ -12,12 +12,11 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint32_t kMaxLines = 63;
 
 // Fraction of the light that keeps its phase on a surface of RMS height h at normal incidence.
 double coherent_fraction(double roughness_rms_m, double wavelength_m) {
-    const double spread = 4.0 * kPi * roughness_rms_m / wavelength_m;
+    const double spread = 4.0 * M_PI * roughness_rms_m / wavelength_m;
     return std::exp(-spread * spread);
 }
 
@@ -75,7 +74,7 @@ double Field::coherent_amplitude(double fraction) const {
 }
 
 double Field::turns_per_height(const LaserLine &line) const {
-    return line.offset * parameters_.dephasing_rad / (2.0 * kPi);
+    return line.offset * parameters_.dephasing_rad / (2.0 * M_PI);
 }
 
 std::string Field::state_options(const Phase &phase) const {

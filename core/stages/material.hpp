@@ -3,6 +3,7 @@
 
 #include "runtime/context.hpp"
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -18,7 +19,7 @@ struct Material {
     double correlation_time_s = std::numeric_limits<double>::infinity();
     double lateral_correlation_length_m = 0.5e-3;
     double axial_correlation_length_m = 3e-3;
-    double rotation_correlation_angle_rad = 0.25 * 3.14159265358979323846 / 180.0;
+    double rotation_correlation_angle_rad = 0.25 * M_PI / 180.0;
     double subsurface_fraction = 0.0;
 };
 

@@ -40,7 +40,7 @@ std::array<std::uint32_t, 4> host_block(std::uint64_t seed, std::array<std::uint
 std::array<double, 2> host_normals(std::uint64_t seed, std::uint64_t frame_index, std::uint32_t stream) {
     const std::array<std::uint32_t, 4> counter =
         host_block(seed, {0, 0, frame_low(frame_index), stream | frame_high(frame_index) << 16});
-    const double u = (counter[0] + 0.5) * 0x1p-32, angle = 2.0 * 3.14159265358979323846 * counter[1] * 0x1p-32;
+    const double u = (counter[0] + 0.5) * 0x1p-32, angle = 2.0 * M_PI * counter[1] * 0x1p-32;
     const double r = std::sqrt(-2.0 * std::log(u));
     return {r * std::cos(angle), r * std::sin(angle)};
 }

@@ -5,12 +5,6 @@
 #include <cmath>
 
 namespace clsp {
-namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-} // namespace
-
 std::vector<double> pixel_taps(double fill_factor, std::uint32_t oversampling, double bandwidth) {
     const std::uint32_t count = oversampling + (oversampling < 4 ? 6 : 4);
     const std::uint32_t pairs = count / 2; // and a middle one where count is odd
@@ -21,7 +15,7 @@ std::vector<double> pixel_taps(double fill_factor, std::uint32_t oversampling, d
     // Transfer function of unknown j at frequency f: cos(2 pi f t_j), t_j its distance from the centre.
     const auto basis = [&](std::uint32_t j, double f) {
         const double t = middle ? double(j) / oversampling : (j + 0.5) / oversampling;
-        return (middle && j == 0 ? 1.0 : 2.0) * std::cos(2.0 * kPi * f * t);
+        return (middle && j == 0 ? 1.0 : 2.0) * std::cos(2.0 * M_PI * f * t);
     };
     // Normal equations on a fine grid of frequencies, a little damping where the band leaves weights undetermined, and a
     // Lagrange multiplier for the exact sum.
@@ -30,7 +24,7 @@ std::vector<double> pixel_taps(double fill_factor, std::uint32_t oversampling, d
     Eigen::VectorXd wanted(kFrequencies);
     for (int k = 0; k < kFrequencies; ++k) {
         const double f = band * (k + 0.5) / kFrequencies;
-        const double x = kPi * side * f;
+        const double x = M_PI * side * f;
         wanted[k] = x == 0.0 ? 1.0 : std::sin(x) / x;
         for (std::uint32_t j = 0; j < unknowns; ++j)
             transfer(k, j) = basis(j, f);

@@ -13,8 +13,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // Signed frequency of FFT bin i of n.
 std::int64_t frequency(std::uint32_t i, std::uint32_t n) {
     return i < (n + 1) / 2 ? std::int64_t{i} : std::int64_t{i} - n;
@@ -62,7 +60,7 @@ class PupilImage {
 class Polygon {
   public:
     explicit Polygon(const PupilParameters &p)
-        : sector_(2.0 * kPi / p.blade_count), rotation_(p.blade_rotation_rad), curvature_(p.blade_curvature) {
+        : sector_(2.0 * M_PI / p.blade_count), rotation_(p.blade_rotation_rad), curvature_(p.blade_curvature) {
         const double a = std::cos(0.5 * sector_), b = std::sin(0.5 * sector_), c = curvature_;
         const double q = std::sqrt(1.0 - c * c * b * b);
         linear_ = q - c * a;
@@ -130,7 +128,7 @@ double wavefront(const PupilParameters &p, double u, double v) {
 // Falls from 1 to 0 over the last part `soft` of the way from 0 to 1.
 double rim(double way, double soft) {
     const double start = 1.0 - soft;
-    return way <= start ? 1.0 : 0.5 * (1.0 + std::cos(kPi * (way - start) / soft));
+    return way <= start ? 1.0 : 0.5 * (1.0 + std::cos(M_PI * (way - start) / soft));
 }
 
 // The slope of the wavefront, in turns per frequency step, is where light of that frequency lands, in grid widths: half

@@ -13,7 +13,7 @@ namespace clsp {
 namespace {
 
 constexpr std::uint32_t kAllFrames = std::numeric_limits<std::uint32_t>::max();
-constexpr std::uint32_t kLeastFrames = 4; // of a sequence that has as many: two halves of two
+constexpr std::uint32_t kFewestFrames = 4; // of a sequence that has as many: two halves of two
 // Of a window that is chosen: its short side, in steps that transforms like, and its pixels.
 constexpr std::uint32_t kLeastRows = 64, kStep = 16;
 constexpr std::uint64_t kLeastArea = 256 * kLeastRows;
@@ -34,7 +34,7 @@ std::uint64_t frames_of(const CaptureLayout &layout, std::uint32_t most) {
 std::uint32_t affordable_frames(const CaptureLayout &layout, std::uint64_t area, std::uint64_t most_pixels) {
     if (frames_of(layout, kAllFrames) * area <= most_pixels)
         return kAllFrames;
-    std::uint32_t frames = kLeastFrames;
+    std::uint32_t frames = kFewestFrames;
     while (frames_of(layout, frames + 2) * area <= most_pixels)
         frames += 2;
     return frames;
@@ -139,7 +139,7 @@ PixelWindow checked(const CaptureLayout &layout, const PixelWindow &w) {
 std::vector<FrameRun> runs_of(std::uint32_t frames, std::uint32_t most) {
     if (frames <= most)
         return {{0, frames}};
-    if (most < kLeastFrames)
+    if (most < kFewestFrames)
         return {{(frames - most) / 2, most}};
     const std::uint32_t half = frames / 2, first = most / 2, second = most - first;
     return {{(half - first) / 2, first}, {half + (frames - half - second) / 2, second}};

@@ -14,7 +14,7 @@ namespace {
 // Pairs of frames that a change is measured on, at most.
 constexpr std::uint32_t kMostPairs = 16;
 // Below this contrast there is hardly any speckle to compare.
-constexpr double kLeastContrast = 0.1;
+constexpr double kHardlySpeckle = 0.1;
 // Speckle of independent frames differs by all of its variance. On dots the pattern's own variance stays, so that what
 // is new is C^2 <I0^2> / ((1 + C^2) <I0^2> - <I0>^2), a third or more for contrasts C above 0.5. Boiling with a
 // correlation of six frames changes 0.28.
@@ -400,7 +400,7 @@ FrameChange frame_change(const Capture &capture, std::size_t sequence, double le
     };
     const double successive = mean_over_pairs(1) - noise_square;
     const double speckle = spatial - noise_square;
-    if (speckle < 9.0 * noise_square || std::sqrt(std::max(0.0, speckle)) < kLeastContrast * level_above_dark_dn ||
+    if (speckle < 9.0 * noise_square || std::sqrt(std::max(0.0, speckle)) < kHardlySpeckle * level_above_dark_dn ||
         speckle <= 1.0)
         return result;
     result.measured = true;

@@ -12,9 +12,6 @@
 namespace clsp {
 namespace {
 
-// Rounding to codes adds the variance of a uniform law of width 1.
-constexpr double kQuantizationVariance = 1.0 / 12.0;
-
 double normal_two_sided(double z) {
     return std::erfc(std::abs(z) / std::sqrt(2.0));
 }

@@ -3,6 +3,7 @@
 
 #include "inference/memo.hpp"
 #include "statistics/workers.hpp"
+#include "simulator/host_noise.hpp"
 #include "simulator/simulator.hpp"
 #include "statistics/device_sums.hpp"
 #include "statistics/sequence_level.hpp"
@@ -38,9 +39,6 @@ struct CalibratedLevels {
     // By sequence, where the camera's gains are known: speckle gives each draw another mean. Empty: each has the real one.
     std::vector<double> gain_dn = {};
 };
-
-// Quantization adds the variance of a uniform law of width 1.
-constexpr double kQuantizationVariance = 1.0 / 12.0;
 
 // Where the seeds of a diagnosis's draws begin, one after the other: neighbouring seeds of the caller's share none of
 // them.

@@ -12,7 +12,7 @@ AreaMetric area_metric(double real, double mean, double deviation) {
     result.area = result.bias;
     if (deviation > 0.0) {
         const double apart = result.bias / deviation;
-        result.area = deviation * std::sqrt(2.0 / 3.14159265358979323846) * std::exp(-0.5 * apart * apart) +
+        result.area = deviation * std::sqrt(2.0 / M_PI) * std::exp(-0.5 * apart * apart) +
                       result.bias * std::erf(apart / std::sqrt(2.0));
     }
     result.scatter = std::max(0.0, result.area - result.bias);

@@ -14,7 +14,7 @@ constexpr std::uint64_t kDatasheetSeed = std::uint64_t{3} << 41;
 // Of the full signal: beyond it clipping takes variance away (EMVA 1288).
 constexpr double kTransferPart = 0.7;
 // Levels that are nearer than that to each other, in parts of the higher one, are one.
-constexpr double kSameLevel = 0.02;
+constexpr double kOneLevel = 0.02;
 
 // One capture: the quantities of each sequence, and what several tell together.
 struct CaptureQuantities {
@@ -164,7 +164,7 @@ PhotonTransfer fit_photon_transfer(std::vector<TransferPoint> points, double ful
         highest = any ? std::max(highest, point.signal_dn) : point.signal_dn;
         any = true;
     }
-    if (!any || highest - lowest <= kSameLevel * std::max(highest, 1.0))
+    if (!any || highest - lowest <= kOneLevel * std::max(highest, 1.0))
         return result;
     double wxx = 0.0, wxy = 0.0;
     for (const TransferPoint &point : result.points) {

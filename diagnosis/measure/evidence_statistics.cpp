@@ -8,7 +8,6 @@
 namespace clsp::evidence {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::size_t kLargestTransform = 512; // px a side; the spectrum of a larger image is that of its middle
 constexpr double kRingWidth = 0.5;             // px
 
@@ -28,7 +27,7 @@ std::size_t transform_size(std::size_t size) {
 std::vector<float> hann(std::size_t size) {
     std::vector<float> result(size, 1.0f);
     for (std::size_t i = 0; size > 2 && i < size; ++i)
-        result[i] = float(0.5 - 0.5 * std::cos(2.0 * kPi * (double(i) + 0.5) / double(size)));
+        result[i] = float(0.5 - 0.5 * std::cos(2.0 * M_PI * (double(i) + 0.5) / double(size)));
     return result;
 }
 

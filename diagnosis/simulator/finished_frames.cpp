@@ -20,7 +20,7 @@ using Image = std::vector<float>;
 // Random numbers apart from those of frames that our own simulator may have made with the same seed.
 constexpr std::uint64_t kSeedOffset = 0x66696e6973686564u;
 // What triangular noise of two codes' width and rounding add, and what rounding alone does (DN^2).
-constexpr double kRoundingVariance = 0.25, kQuantizationVariance = 1.0 / 12.0;
+constexpr double kRoundingVariance = 0.25;
 constexpr int kGainRounds = 4;
 constexpr std::size_t kTrialFrames = 4;
 constexpr double kGainTolerance = 1e-4;

@@ -9,6 +9,9 @@
 
 namespace clsp {
 
+// Quantization adds the variance of a uniform law of width 1.
+constexpr double kQuantizationVariance = 1.0 / 12.0;
+
 // Streams of their own (kernels/common/philox.h has the library's others).
 enum class HostStream : std::uint32_t { kRounding = 0x40, kRestored = 0x41, kProbe = 0x42, kReal = 0x43, kSim = 0x44, kRealEnd = 0x45, kSimEnd = 0x46 };
 
@@ -36,7 +39,7 @@ class HostNoise {
             spare_ = false;
             return other_;
         }
-        const double radius = std::sqrt(-2.0 * std::log(uniform())), angle = 2.0 * 3.14159265358979323846 * uniform();
+        const double radius = std::sqrt(-2.0 * std::log(uniform())), angle = 2.0 * M_PI * uniform();
         spare_ = true;
         other_ = radius * std::sin(angle);
         return radius * std::cos(angle);

@@ -7,11 +7,10 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kReach = 4; // px, of Lanczos's window
 
 double sinc(double x) {
-    return x == 0.0 ? 1.0 : std::sin(kPi * x) / (kPi * x);
+    return x == 0.0 ? 1.0 : std::sin(M_PI * x) / (M_PI * x);
 }
 
 struct Taps {

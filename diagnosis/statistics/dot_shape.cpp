@@ -13,8 +13,6 @@ namespace {
 
 using Point = std::array<double, 2>;
 
-constexpr double kPi = 3.14159265358979323846;
-
 // No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are quotients of noise,
 // and are kept within what spots can have.
 constexpr double kLeastVariance = 1.0 / 12.0, kLargestMoment = 10.0;
@@ -140,7 +138,7 @@ DotPositions pulled_back(const Geometry &geometry, const std::vector<float> &ima
 
 double gaussian_flux(const Geometry &geometry) {
     const double window = kFluxWindow * kFluxWindow, sigma = geometry.dots.sigma;
-    return 2.0 * kPi * sigma * sigma * window / (1.0 + window);
+    return 2.0 * M_PI * sigma * sigma * window / (1.0 + window);
 }
 
 DotPositions locate_dots(const Geometry &geometry, const std::vector<float> &image, double background) {
@@ -297,7 +295,7 @@ double expected_core(const Geometry &geometry) {
     const double sigma = geometry.dots.sigma, lens = 0.42 / std::max(geometry.cutoff, 0.02);
     const double square = sigma * sigma + lens * lens;
     // Of a dot's light, the part within the disc of one sigma, over the disc's area.
-    const double part = 1.0 - std::exp(-0.5 * sigma * sigma / square), area = kPi * sigma * sigma;
+    const double part = 1.0 - std::exp(-0.5 * sigma * sigma / square), area = M_PI * sigma * sigma;
     return part / area * double(geometry.used) / std::max(inside, 1.0);
 }
 

@@ -37,7 +37,6 @@ std::array<double, 3> mosaic_contrasts(const Geometry &geometry, const std::vect
     return contrasts;
 }
 
-constexpr double kPi = 3.14159265358979323846;
 // Of the windows of laser light, and from one to the next: squared sines, which add up to 1.
 constexpr std::size_t kWindow = 16, kHop = kWindow / 2;
 
@@ -52,7 +51,7 @@ struct WindowedContrasts {
 WindowedContrasts windowed_contrasts(const Geometry &geometry, const std::vector<float> &mean) {
     std::array<double, kWindow> window;
     for (std::size_t i = 0; i < kWindow; ++i)
-        window[i] = std::pow(std::sin(kPi * (double(i) + 0.5) / kWindow), 2);
+        window[i] = std::pow(std::sin(M_PI * (double(i) + 0.5) / kWindow), 2);
     WindowedContrasts result;
     if (geometry.width < kWindow || geometry.height < kWindow)
         return result;

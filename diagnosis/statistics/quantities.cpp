@@ -143,11 +143,11 @@ void put_fixed_pattern(const StatisticInput &in, List &list) {
     list.put("wave_frequency_y", "1/px", of_line(line.frequency_y));
     // Of one wave in white noise, the Cramer-Rao bound (Rife and Boorstyn 1974); from two frequencies under a Hann window
     // it is so many times that, root mean square (of 600 waves at frequencies drawn in NumPy 2.34).
-    constexpr double kPi = 3.14159265358979323846, kOfWindow = 2.35;
+    constexpr double kOfWindow = 2.35;
     const double rest = std::max(square - 0.5 * line.amplitude * line.amplitude, 0.0);
     const double side = double(std::min(geometry.width, geometry.height));
     list.put("wave_frequency_error", "1/px",
-             of_line(kOfWindow * std::sqrt(6.0 * rest / double(geometry.used)) / (kPi * line.amplitude * side)));
+             of_line(kOfWindow * std::sqrt(6.0 * rest / double(geometry.used)) / (M_PI * line.amplitude * side)));
 }
 
 // How much darker the corner is than the axis: light = l (1 - a r^2), r = 1 in the corner.

@@ -15,12 +15,10 @@ namespace clsp::statistics {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 std::vector<float> hann(std::size_t count) {
     std::vector<float> window(count);
     for (std::size_t i = 0; i < count; ++i)
-        window[i] = float(0.5 - 0.5 * std::cos(2.0 * kPi * (double(i) + 0.5) / double(count)));
+        window[i] = float(0.5 - 0.5 * std::cos(2.0 * M_PI * (double(i) + 0.5) / double(count)));
     return window;
 }
 
@@ -160,7 +158,7 @@ SpectralLine strongest_line(const Geometry &geometry, const std::vector<double> 
     const auto kx = std::ptrdiff_t(x), ky = std::ptrdiff_t(y);
     const double dx = offset(root(kx - 1, ky), root(kx + 1, ky)), dy = offset(root(kx, ky - 1), root(kx, ky + 1));
     const auto window = [](double d) { // at d from its middle, over that in the middle
-        return std::abs(d) < 1e-6 ? 1.0 : std::sin(kPi * d) / (kPi * d * (1.0 - d * d));
+        return std::abs(d) < 1e-6 ? 1.0 : std::sin(M_PI * d) / (M_PI * d * (1.0 - d * d));
     };
     // The windows' means are 1/2 each; half of the amplitude is at the negative frequency.
     line.amplitude = 8.0 * std::sqrt(most) / (double(width) * double(height) * window(dx) * window(dy));

@@ -6,8 +6,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 std::string constant(double c) {
     return fmt::format("SPREAD({:a}f)", static_cast<float>(c));
 }
@@ -101,7 +99,7 @@ Butterfly::Value Butterfly::rotated(const Value &a, std::size_t e, std::size_t n
             return value("-" + minus, plus);
         }
     }
-    const double angle = -2.0 * kPi * double(e) / double(n);
+    const double angle = -2.0 * M_PI * double(e) / double(n);
     return product(a, constant(std::cos(angle)), constant(std::sin(angle)), false);
 }
 
@@ -155,7 +153,7 @@ Butterfly::Values Butterfly::transform_prime(const Values &x) {
     for (std::size_t k = 1; k <= half; ++k) {
         Value even = x[0], odd;
         for (std::size_t j = 1; j <= half; ++j) {
-            const double angle = 2.0 * kPi * double(j * k % n) / double(n);
+            const double angle = 2.0 * M_PI * double(j * k % n) / double(n);
             const std::string c = constant(std::cos(angle)), s = constant(std::sin(angle));
             even = scaled_sum(sums[j - 1], c, even);
             odd = scaled_sum(differences[j - 1], s, odd);

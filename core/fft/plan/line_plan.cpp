@@ -11,8 +11,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // What is left of the length without the factors that butterflies exist for: 1 if there is a plan.
 std::uint32_t rest_of(std::uint32_t length) {
     for (const std::uint32_t prime : {2u, 3u, 5u, 7u, 11u, 13u})
@@ -76,7 +74,7 @@ LinePlan plan_of(std::uint32_t length, std::vector<std::uint32_t> radices) {
             for (std::uint32_t j = 0; j < m; ++j)
                 for (std::uint32_t k = 1; k < radix; ++k) {
                     // Reduced in integers, so that the angle is good to the last digit.
-                    const double angle = -2.0 * kPi * double(std::uint64_t{j} * k % block) / block;
+                    const double angle = -2.0 * M_PI * double(std::uint64_t{j} * k % block) / block;
                     plan.twiddles.push_back(static_cast<float>(std::cos(angle)));
                     plan.twiddles.push_back(static_cast<float>(std::sin(angle)));
                 }

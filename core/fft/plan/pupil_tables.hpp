@@ -44,7 +44,7 @@ struct PassedLines {
 
 // The pupil's amplitude at a place of its grid; scale: the inverse transforms' 1 / samples.
 inline std::complex<float> scaled_amplitude(const Pupil &pupil, std::size_t at, double scale) {
-    constexpr double kTurn = 2.0 * 3.14159265358979323846;
+    constexpr double kTurn = 2.0 * M_PI;
     const double t = scale * pupil.transmission[at];
     if (pupil.phase_turns.empty() || t == 0.0)
         return {static_cast<float>(t), 0.0f};

@@ -21,7 +21,8 @@ ROOT = Path(__file__).resolve().parents[3]
 SMALL_GROUPS = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build")) / "lib" / "libsmall_groups.so"
 
 
-@pytest.fixture(params=["cpu", "gpu"])
+# By day GPUs' shape meets the stage's own tests (pytest_aperture_gpu) alone: on a CPU its kernels take the longest to compile.
+@pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.nightly)])
 def own(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[clspeckle.Context]:
     """Both shapes of the engine, whatever the device."""
     monkeypatch.setenv("CLSPECKLE_FFT", request.param)
