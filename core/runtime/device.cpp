@@ -64,7 +64,7 @@ DeviceRecord inspect(const cl::Platform &platform, const cl::Device &device, std
 }
 
 // A driver without devices, or one that does not tell them: one that cannot be used, so that it is told why.
-DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, const cl::Error &error) {
+DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, cl_int code) {
     DeviceRecord record;
     record.platform = platform;
     record.selector = fmt::format("{}:0", p);
@@ -74,8 +74,8 @@ DeviceRecord silent_platform(const cl::Platform &platform, std::size_t p, const 
     } catch (const cl::Error &) {
         record.platform_name = "a platform without a name";
     }
-    if (error.err() != CL_DEVICE_NOT_FOUND)
-        record.reason = fmt::format("the driver failed to list its devices: {}", opencl_code_name(error.err()));
+    if (code != CL_DEVICE_NOT_FOUND)
+        record.reason = fmt::format("the driver failed to list its devices: {}", opencl_code_name(code));
     else if (record.platform_name == "Portable Computing Language")
         record.reason = "PoCL offers no device where it cannot write its cache. Let POCL_CACHE_DIR (without it "
                         "XDG_CACHE_HOME, then HOME) name a folder that can be written";
@@ -170,12 +170,14 @@ std::vector<DeviceRecord> list_devices() {
     std::vector<DeviceRecord> records;
     for (std::size_t p = 0; p < platforms.size(); ++p) {
         std::vector<cl::Device> devices;
+        cl_int code = CL_DEVICE_NOT_FOUND; // for which the wrapper throws nothing
         try {
             platforms[p].getDevices(CL_DEVICE_TYPE_ALL, &devices);
         } catch (const cl::Error &error) {
-            records.push_back(silent_platform(platforms[p], p, error));
-            continue;
+            code = error.err();
         }
+        if (devices.empty())
+            records.push_back(silent_platform(platforms[p], p, code));
         for (std::size_t d = 0; d < devices.size(); ++d)
             records.push_back(inspect(platforms[p], devices[d], p, d));
     }
