@@ -10,6 +10,8 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <functional>
+#include <iterator>
 
 namespace image_io {
 
@@ -136,6 +138,22 @@ std::string ChannelFile::name_of(const std::string &channel) const {
     if (found == short_names_.end() || std::find(found + 1, short_names_.end(), channel) != short_names_.end())
         return "";
     return channels_[static_cast<std::size_t>(found - short_names_.begin())];
+}
+
+std::string told_soft(const std::vector<float> &mask) {
+    std::vector<float> values;
+    std::copy_if(mask.begin(), mask.end(), std::back_inserter(values), [](float m) { return m != 0; });
+    if (std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) == values.end())
+        return "";
+    const auto [least_at, most_at] = std::minmax_element(values.begin(), values.end());
+    const float least = *least_at, most = *most_at;
+    const auto soft = std::count_if(values.begin(), values.end(), [most = most](float m) { return m != most; });
+    std::sort(values.begin(), values.end());
+    values.erase(std::unique(values.begin(), values.end()), values.end());
+    return fmt::format("the mask has {} values beside 0, {} to {}, as of a soft edge: all count ({} pixels are neither "
+                       "0 nor {}); if they are not to, make it of two values, "
+                       "numpy.where(mask > {}, 255, 0).astype(numpy.uint8)",
+                       values.size(), least, most, soft, most, least + (most - least) / 2);
 }
 
 void Plane::normalize() {

@@ -116,6 +116,10 @@ struct Plane {
     void normalize();
 };
 
+/** Of a mask, in which all but 0 counts, with several numbers beside 0, as of a soft edge: how to make it of two;
+ * empty: it has one. */
+std::string told_soft(const std::vector<float> &mask);
+
 /** Three values per pixel. */
 struct VectorPlane {
     std::uint32_t width = 0;

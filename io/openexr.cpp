@@ -24,6 +24,9 @@ namespace image_io {
 
 namespace {
 
+/** Renderers write some hundreds; the search for a channel, here and in the library, goes over all of them for each. */
+constexpr std::size_t most_channels = 1024;
+
 const char *sample_name(Imf::PixelType type) {
     return type == Imf::HALF ? "float16" : type == Imf::FLOAT ? "float32" : "uint32";
 }
@@ -71,6 +74,7 @@ void check_attributes(const std::string &path) {
         return read;
     };
     const auto position = [&] { return static_cast<std::uint64_t>(::ftello(file.stream())); };
+    std::size_t channels = 0;
     (void)word();
     const bool several = (word() & 0x1000) != 0;
     for (;;) {
@@ -89,6 +93,10 @@ void check_attributes(const std::string &path) {
         bool ended = !list;
         while (!ended && position() < end) {
             ended = text().empty();
+            if (!ended && ++channels > most_channels)
+                throw ReadError(path, fmt::format("has more than {} channels; save those that are needed as a file of "
+                                                  "their own",
+                                                  most_channels));
             file.seek(position() + (ended ? 0 : 16));
         }
         if (list && !(ended && position() == end))
@@ -106,8 +114,8 @@ class ExrFile final : public ChannelFile {
             Imf::Header::setMaxImageSize(static_cast<int>(max_side), static_cast<int>(max_side));
             Imf::Header::setMaxTileSize(static_cast<int>(max_side), static_cast<int>(max_side));
         });
+        check_attributes(path_); // first: the library's work grows with the square of the channels
         check_header(path_);
-        check_attributes(path_);
         try {
             file_ = std::make_unique<Imf::MultiPartInputFile>(path_.c_str(), 0);
             open_parts();

@@ -373,6 +373,8 @@ void write_mask(const CaptureCheckArguments &arguments, const clspeckle::Capture
 void run_capture_check(const CaptureCheckArguments &arguments, Console &console) {
     check_report_file(arguments.json, arguments.folder);
     std::error_code code;
+    if (!arguments.mask.empty())
+        check_ending({arguments.mask, "--write-mask", image_io::format_named("PNG").extensions});
     if (!arguments.mask.empty() && fs::exists(arguments.mask, code))
         throw InputError(fmt::format("{}: exists; choose another name with --write-mask", arguments.mask));
     const clspeckle::Capture capture = clspeckle::Capture::open(arguments.folder, progress_on(console));

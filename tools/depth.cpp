@@ -123,27 +123,34 @@ bool is_picture(const std::string &file, const std::string &folder) {
     return has_picture_name(file) || has_picture_name(std::filesystem::weakly_canonical(file, code));
 }
 
-/** An output that is an input would be lost. */
-void refuse_replacing(const DepthArguments &arguments, const std::vector<std::string> &files) {
+/** Before the work, not after it. */
+void check_outputs(const DepthArguments &arguments, const std::vector<std::string> &files) {
     std::vector<std::string> inputs = files;
     inputs.insert(inputs.end(), {arguments.dots, arguments.geometry});
-    for (const auto &[output, option] : {std::pair(arguments.csv, "--csv"), std::pair(arguments.npy, "--npy")}) {
-        if (output.empty())
+    for (const OutputFile &output :
+         {OutputFile{arguments.csv, "--csv"}, OutputFile{arguments.npy, "--npy", {".npy"}}}) {
+        if (output.path.empty())
             continue;
-        for (const std::string &input : inputs)
-            if (same_file(output, input))
-                throw InputError(
-                    fmt::format("{}: is an input, which {} would replace; name another file", output, option));
-        if (!arguments.pictures.empty() && is_picture(output, arguments.pictures))
-            throw InputError(fmt::format("{}: is a name that --pictures takes; name another file", output));
+        if (!arguments.pictures.empty() && is_picture(output.path, arguments.pictures))
+            throw InputError(fmt::format("{}: is a name that --pictures takes; name another file", output.path));
+        check_output_file(output, arguments.overwrite, inputs);
     }
     if (!arguments.csv.empty() && !arguments.npy.empty() && same_file(arguments.csv, arguments.npy))
         throw InputError(fmt::format("{}: --csv and --npy name the same file", arguments.csv));
-    if (!arguments.pictures.empty())
-        for (const std::string &input : inputs)
-            if (is_picture(input, arguments.pictures))
-                throw InputError(
-                    fmt::format("{}: is an input, which --pictures might replace; name another folder", input));
+    if (arguments.pictures.empty())
+        return;
+    for (const std::string &input : inputs)
+        if (is_picture(image_io::split_name(input).path, arguments.pictures))
+            throw InputError(
+                fmt::format("{}: is an input, which --pictures might replace; name another folder", input));
+    std::error_code code;
+    if (!arguments.overwrite)
+        for (const auto &entry : std::filesystem::directory_iterator(arguments.pictures, code))
+            if (is_picture(entry.path().string(), arguments.pictures))
+                throw OutputError(
+                    fmt::format("{} exists; choose another folder with --pictures, or replace its pictures "
+                                "with --overwrite",
+                                entry.path().string()));
 }
 
 } // namespace
@@ -151,7 +158,9 @@ void refuse_replacing(const DepthArguments &arguments, const std::vector<std::st
 void run_depth(DepthArguments &arguments, Console &console) {
     ClspDepthDesc &desc = arguments.desc;
     DotDirections dots = read_directions(arguments.dots);
-    read_geometry(arguments.geometry, desc);
+    const std::string unknown_speckle = read_geometry(arguments.geometry, desc);
+    if (!unknown_speckle.empty() && !arguments.relative_diameter)
+        console.warn(unknown_speckle);
     const std::vector<double> directions = projected(std::move(dots), desc.projection, arguments.dots);
     desc.near_m = arguments.near_m.value_or(desc.near_m);
     desc.far_m = arguments.far_m.value_or(desc.far_m);
@@ -163,10 +172,7 @@ void run_depth(DepthArguments &arguments, Console &console) {
     for (const std::string &argument : arguments.files)
         for (std::string &file : expand(argument, Purpose::measurement))
             files.push_back(std::move(file));
-    refuse_replacing(arguments, files);
-    for (const std::string &output : {arguments.csv, arguments.npy})
-        if (!output.empty())
-            const image_io::AtomicFile probe(output); // fails before the work, not after it
+    check_outputs(arguments, files);
     std::uint64_t total = 0, done = 0;
     for (const std::string &file : files) {
         const auto reader = image_io::open(file, request_of(arguments.channel, arguments.raw));

@@ -29,6 +29,7 @@ struct DepthArguments {
     std::string device;
     std::string channel;
     std::string raw;
+    bool overwrite = false;
     ClspDepthDesc desc =
         clspeckle::make<ClspDepthDesc>(); ///< What the options say; sizes, dots and geometry come from files.
     std::optional<double> near_m;         ///< Over what the geometry file says.
@@ -62,8 +63,9 @@ struct DotDirections {
 DotDirections read_directions(const std::string &path);
 /** The directions as the geometry's projection (CLSP_PROJECTION_*) has them. */
 std::vector<double> projected(DotDirections directions, std::uint32_t projection, const std::string &path);
-/** Reads camera, laser, projection and range of depth of a sequence.json, or of a file with the same members. */
-void read_geometry(const std::string &path, ClspDepthDesc &desc);
+/** Reads camera, laser, projection and range of depth of a sequence.json, or of a file with the same members. @return
+ * what the lens lacks that speckle's part of the deviations needs; empty: nothing, or there is no lens. */
+std::string read_geometry(const std::string &path, ClspDepthDesc &desc);
 
 void write_depth_csv(const std::string &path, const std::vector<DepthFrame> &frames);
 /** A structured array with the columns of the CSV file; what is an index there is a number here. */

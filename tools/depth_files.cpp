@@ -172,7 +172,7 @@ std::vector<double> projected(DotDirections directions, std::uint32_t projection
     return std::move(directions.values);
 }
 
-void read_geometry(const std::string &path, ClspDepthDesc &desc) {
+std::string read_geometry(const std::string &path, ClspDepthDesc &desc) {
     const JsonDocument document = read_json(path);
     const Json &root = document.root();
     if (!root.is_object() || !root.contains("camera") || !root.contains("laser"))
@@ -182,8 +182,17 @@ void read_geometry(const std::string &path, ClspDepthDesc &desc) {
     desc.fy_px = number_at(camera, path, "camera", "fy_px");
     desc.cx_px = number_at(camera, path, "camera", "cx_px");
     desc.cy_px = number_at(camera, path, "camera", "cy_px");
-    if (camera.contains("f_number") && camera.contains("pixel_pitch_m") && laser.is_object() &&
-        laser.contains("wavelength_m")) {
+    std::vector<std::string> there, missing;
+    for (const auto &[section, member, name] : {std::tuple(&camera, "f_number", "camera.f_number"),
+                                                std::tuple(&camera, "pixel_pitch_m", "camera.pixel_pitch_m"),
+                                                std::tuple(&laser, "wavelength_m", "laser.wavelength_m")})
+        (section->is_object() && section->contains(member) ? there : missing).push_back(name);
+    std::string unknown;
+    if (!there.empty() && !missing.empty())
+        unknown = fmt::format("{}: has {}, but no {}: the deviations leave out what speckle adds to them. Add it, or "
+                              "give --relative-diameter (0: without speckle)",
+                              path, fmt::join(there, " and "), fmt::join(missing, " and no "));
+    if (missing.empty()) {
         const double grain_m =
             number_at(laser, path, "laser", "wavelength_m") * number_at(camera, path, "camera", "f_number");
         if (!(grain_m > 0.0))
@@ -215,6 +224,7 @@ void read_geometry(const std::string &path, ClspDepthDesc &desc) {
         desc.near_m = range[0];
         desc.far_m = range[1];
     }
+    return unknown;
 }
 
 void write_depth_csv(const std::string &path, const std::vector<DepthFrame> &frames) {

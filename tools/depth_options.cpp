@@ -66,6 +66,7 @@ Examples:
     number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
     number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
     number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000");
+    app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
     text("--channel", a.channel, channel_help(), "TEXT");
     text("--raw", a.raw, raw_help(), "LAYOUT");
     text("--device", a.device, "OpenCL device, as for render", "TEXT");

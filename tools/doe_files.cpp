@@ -167,7 +167,7 @@ std::string checked_stem(std::string name, std::initializer_list<const char *> e
         throw InputError(fmt::format("--output is \"{}\"; a name is needed, for example {}", name,
                                      (fs::path(name) / "dots").string()));
     for (const char *extension : extensions)
-        check_output_file(name + extension, overwrite, inputs);
+        check_output_file({name + extension}, overwrite, inputs);
     return name;
 }
 

@@ -37,11 +37,16 @@ Examples:
 )";
 
 /** What the library's messages call the options. */
-const std::vector<std::pair<std::string, std::string>> option_names = {
-    {"relative_depth_error", "--depth-error"},   {"rounding_sigma_m", "--rounding-um"},
-    {"etch_noise_rms_m", "--etch-noise-nm"},     {"refractive_index", "--refractive-index"},
-    {"dispersion_per_m", "--dispersion-per-um"}, {"m_squared", "--m-squared"},
-    {"oversampling", "--oversampling"},          {"power_w", "--power-w"}};
+const std::vector<std::pair<std::string, std::string>> option_names = {{"relative_depth_error", "--depth-error"},
+                                                                       {"rounding_sigma_m", "--rounding-um"},
+                                                                       {"etch_noise_rms_m", "--etch-noise-nm"},
+                                                                       {"refractive_index", "--refractive-index"},
+                                                                       {"dispersion_per_m", "--dispersion-per-um"},
+                                                                       {"m_squared", "--m-squared"},
+                                                                       {"oversampling", "--oversampling"},
+                                                                       {"power_w", "--power-w"},
+                                                                       {"evaluation APERTURE", "--evaluation aperture"},
+                                                                       {"evaluation ORDERS", "--evaluation orders"}};
 
 constexpr std::uint32_t panel_side = 900; // of the figure
 constexpr double gamma_of_figure = 0.5;
@@ -309,7 +314,7 @@ void run(const DoePatternArguments &a, bool to_file, Console &console) {
     if (to_file)
         stem = checked_stem(a.output, {".npy", ".json"}, a.overwrite, inputs);
     else if (a.figure)
-        check_output_file(a.output, a.overwrite, inputs);
+        check_output_file({a.output, "-o", image_io::format_named("PNG").extensions}, a.overwrite, inputs);
     const Design design = read_design(a.design, console);
     const clspeckle::DoePattern pattern = compute(a, design, console);
     const ClspDoePatternInfo info = pattern.info();

@@ -170,18 +170,34 @@ bool same_file(const std::string &first, const std::string &second) {
     return !code && a == b;
 }
 
-void check_output_file(const std::string &path, bool overwrite, const std::vector<std::string> &inputs) {
+void check_ending(const OutputFile &file) {
+    std::string name = fs::path(file.path).filename().string();
+    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+    const auto ends = [&](const std::string &ending) {
+        return name.size() > ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+    };
+    if (!file.endings.empty() && std::none_of(file.endings.begin(), file.endings.end(), ends))
+        throw InputError(fmt::format("{} {}: the file is written as {}; choose a name that ends in it", file.option,
+                                     file.path, fmt::join(file.endings, " or ")));
+}
+
+void check_output_file(const OutputFile &file, bool overwrite, const std::vector<std::string> &inputs) {
+    const std::string &path = file.path;
     if (!fs::path(path).has_filename())
-        throw InputError(fmt::format("the output \"{}\" is no name of a file; choose another --output", path));
+        throw InputError(
+            fmt::format("the output \"{}\" is no name of a file; choose another one with {}", path, file.option));
     for (const std::string &input : inputs)
-        if (same_file(path, input))
-            throw InputError(fmt::format("the output would overwrite the input {}; choose another --output", input));
+        if (same_file(path, image_io::split_name(input).path))
+            throw InputError(fmt::format("the output would overwrite the input {}; choose another name with {}", input,
+                                         file.option));
+    check_ending(file);
     const fs::path folder = fs::path(path).parent_path();
     std::error_code code;
     if (!folder.empty() && !fs::is_directory(folder, code))
         throw OutputError(fmt::format("{}: the folder {} does not exist; make it first", path, folder.string()));
     if (!overwrite && fs::is_regular_file(path, code))
-        throw OutputError(fmt::format("{} exists; choose another name with -o, or replace it with --overwrite", path));
+        throw OutputError(
+            fmt::format("{} exists; choose another name with {}, or replace it with --overwrite", path, file.option));
     const image_io::AtomicFile probe(path);
 }
 

@@ -28,12 +28,22 @@ std::vector<std::string> expand(const std::string &argument, Purpose purpose);
 /** True if both names mean one file, or would once it is made. */
 bool same_file(const std::string &first, const std::string &second);
 
+/** A file that a command is to write. */
+struct OutputFile {
+    std::string path;
+    const char *option = "-o";             ///< That names it.
+    std::vector<std::string> endings = {}; ///< Its name must have one of them; empty: any.
+};
+
+/** Refuses a name whose ending promises another kind of file than the one that is written. */
+void check_ending(const OutputFile &file);
+
 /**
  * Checks that a file can be made there, before the work that fills it.
  * @param overwrite a file that exists may be replaced.
- * @param inputs files that must not be replaced, whatever `overwrite` says.
+ * @param inputs files, or images as split_name() takes them, that must not be replaced, whatever `overwrite` says.
  */
-void check_output_file(const std::string &path, bool overwrite, const std::vector<std::string> &inputs);
+void check_output_file(const OutputFile &file, bool overwrite, const std::vector<std::string> &inputs);
 
 /**
  * Refuses a report in place of a file of the capture set that it is of: capture.json, what that names, and other

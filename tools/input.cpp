@@ -271,8 +271,10 @@ void check_normals(const FrameData &data, const std::string &name, const Config 
                                    : ""));
 }
 
-std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name) {
+std::vector<std::uint8_t> to_mask(const Plane &plane, const std::string &name, std::vector<std::string> &warnings) {
     check_values(plane, name, "refresh mask", no_limit);
+    if (const std::string soft = image_io::told_soft(plane.values); !soft.empty())
+        warnings.push_back(name + ": " + soft);
     std::vector<std::uint8_t> mask(plane.values.size());
     std::transform(plane.values.begin(), plane.values.end(), mask.begin(), [](float v) { return v != 0.0f ? 1 : 0; });
     return mask;
@@ -356,18 +358,19 @@ class Planes {
                 data.material = to_ids(plane, file);
                 continue;
             }
-            const std::string advice =
-                name == "refresh-mask" ? "" : check_full_scale(plane, file, series.first_path(), warnings);
+            if (name == "refresh-mask") {
+                data.refresh = to_mask(plane, file, warnings);
+                continue;
+            }
+            const std::string advice = check_full_scale(plane, file, series.first_path(), warnings);
             plane.normalize();
             if (name == "albedo") {
                 check_albedo(plane, file, choice_, warnings);
                 data.albedo = std::move(plane);
-            } else if (name == "visibility") {
+            } else {
                 check_values(plane, file, "visibility", 1.0,
                              advice.empty() ? "" : advice + " divides its whole numbers");
                 data.visibility = std::move(plane);
-            } else {
-                data.refresh = to_mask(plane, file);
             }
         }
         if (has("normal"))
@@ -597,7 +600,7 @@ class ChannelSceneInput final : public Input {
         if (!data.visibility.empty())
             check_values(data.visibility, file.path(), "visibility", 1.0);
         if (!refresh.empty())
-            data.refresh = to_mask(refresh, file.path());
+            data.refresh = to_mask(refresh, file.path(), warnings);
         if (!material.empty())
             data.material = to_ids(material, file.path());
         for (std::size_t i = 0; i < motion_x.values.size() && i < motion_y.values.size(); ++i) {

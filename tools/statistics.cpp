@@ -302,6 +302,8 @@ void run_statistics(const StatisticsArguments &arguments, Console &console) {
         const auto reader = image_io::open_one(arguments.mask, request);
         mask_plane = image_io::read_gray(*reader, 0, warnings, image_io::Colors::refused);
         check_values(*mask_plane, arguments.mask, "mask", std::numeric_limits<double>::infinity());
+        if (const std::string soft = image_io::told_soft(mask_plane->values); !soft.empty())
+            warnings.push_back(arguments.mask + ": " + soft);
     }
 
     std::optional<Analyzer> analyzer;

@@ -15,6 +15,7 @@ constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of depth/dot
 constexpr int kPasses = 12;                     // neighbours' light is taken off ever more exactly
 constexpr int kMaxIterations = 20;              // of one fit in one pass
 constexpr double kLeastDiameter = 1e-3;         // grains of 1000 px: no lens that makes dots
+constexpr double kMostDiameter = 1e3;           // grains of 1/1000 px: no pixel is that large
 constexpr double kMergedSigma = 1.6;            // wider than so many expected ones: two dots in one
 
 void check(const DotDetectorParameters &p) {
@@ -42,11 +43,11 @@ void check(const DotDetectorParameters &p) {
         throw Error(Status::kInvalidArgument,
                     fmt::format("min_correlation is {}, it must be 0 to below 1", p.min_correlation));
     if (!(p.relative_diameter == 0.0 ||
-          (p.relative_diameter >= kLeastDiameter && p.relative_diameter <= kLargestNumber)))
+          (p.relative_diameter >= kLeastDiameter && p.relative_diameter <= kMostDiameter)))
         throw Error(Status::kInvalidArgument,
-                    fmt::format("relative_diameter is {}, it must be 0 (not known) or at least {} cycles per pixel: "
-                                "pixel pitch / (wavelength * f-number)",
-                                p.relative_diameter, kLeastDiameter));
+                    fmt::format("relative_diameter is {}, it must be 0 (not known) or {} to {} cycles per pixel: pixel "
+                                "pitch / (wavelength * f-number), all lengths in m",
+                                p.relative_diameter, kLeastDiameter, kMostDiameter));
     if (!(p.speckle_contrast >= 0.0 && p.speckle_contrast <= 1.0))
         throw Error(Status::kInvalidArgument,
                     fmt::format("speckle_contrast is {}, it must be 0 to 1", p.speckle_contrast));

@@ -33,9 +33,8 @@ void check_beam(const DoeElement &element, const BeamProfile &beam, const SpotSh
                                                           100 * lost, width, height, 100 * kLargestLoss));
     if (!element.orders) {
         if (beam.m_squared() > 1)
-            throw Error(
-                Status::kInvalidArgument,
-                "beam->m_squared is above 1, which evaluation APERTURE, a coherent transform, cannot show; use ORDERS");
+            throw Error(Status::kInvalidArgument, "beam->m_squared is above 1, which evaluation APERTURE, a coherent "
+                                                  "transform, cannot show; use evaluation ORDERS");
         return;
     }
     const double cell_x = p.width * p.pixel_pitch_m, cell_y = p.height * p.pixel_pitch_m;

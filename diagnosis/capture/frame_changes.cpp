@@ -20,12 +20,12 @@ using Series = std::vector<double>;
 constexpr std::size_t kLeastFrames = 4;
 constexpr double kChance = kChanceOfFrameChange; // of a step or drift, in a sequence where nothing changes
 constexpr double kAlike = 1e-3;                  // neighbours that are more alike wander
-constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
-constexpr double kLeastLevel = 0.01; // changes that are told: of the level
+constexpr double kLeastGap = 8.0;                // in scatters, however many frames there are
+constexpr double kLeastLevel = 0.01;             // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
 constexpr double kNoLight = 0.02;    // of the brightest frame's
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
-constexpr double kLeastShare = 0.5; // of the light of the brightest frame, where contrasts are compared
+constexpr double kLeastShare = 0.5;  // of the light of the brightest frame, where contrasts are compared
 // No scatter is believed to be smaller.
 constexpr double kLevelScatterDn = 0.01, kEnergyScatter = 0.01, kRatioScatter = 1e-4;
 
@@ -91,7 +91,8 @@ double chance_of_wandering(const Series &values, double scatter) {
     for (std::size_t t = 1; t < n; ++t)
         steps += (values[t] - values[t - 1]) * (values[t] - values[t - 1]);
     const double variance = variance_of(values, mean_of(values.data(), n));
-    const double ratio = std::max(0.5 * steps / double(n - 1), scatter * scatter) / std::max(variance, scatter * scatter);
+    const double ratio =
+        std::max(0.5 * steps / double(n - 1), scatter * scatter) / std::max(variance, scatter * scatter);
     const double r = std::clamp(1.0 - ratio, 0.0, 1.0 - 1e-9);
     return n < 5 ? 1.0 : 0.5 * student_two_sided(r * std::sqrt((double(n) - 3.0) / (1.0 - r * r)), double(n) - 3.0);
 }
@@ -316,7 +317,7 @@ std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
 } // namespace
 
 std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::size_t sequence, const SequenceScan &scan,
-                                       double dark_level_dn) {
+                                          double dark_level_dn) {
     const SequenceLayout &layout = capture.sequences[sequence];
     std::vector<SequenceChange> result;
     const auto say = [&](const char *kind, std::vector<std::size_t> frames, std::string text,
@@ -426,6 +427,41 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
                  "focus, aperture or scene changed");
     }
     return result;
+}
+
+std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &capture, std::size_t sequence,
+                                                const SequenceScan &scan, double dark_level_dn) {
+    constexpr double kLeastSpread = 0.1;     // of the light
+    constexpr double kSpeckleScatters = 8.0; // that a mean over speckle does not reach
+    constexpr double kPi = 3.14159265358979323846;
+    const SequenceLayout &layout = capture.sequences[sequence];
+    if (layout.scene == CaptureScene::kDark || layout.frame_count < kLeastFrames || scan.pixels == 0)
+        return std::nullopt;
+    const FrameSeries seen = measure(scan, dark_level_dn, true);
+    const auto [low, high] = std::minmax_element(seen.levels.begin(), seen.levels.end());
+    const double light = *high - dark_level_dn, spread = *high - *low;
+    double chance = 0.0;
+    if (is_laser(layout.scene)) {
+        // Independent speckles of the frame. Fresh ones scatter by the contrast; resting ones by what changed from
+        // frame to frame, noise included, which may add up.
+        const double diameter = capture.pixel_pitch_m / (capture.wavelength_m * capture.f_number);
+        const double speckles = double(scan.pixels) * std::min(1.0, kPi / 4.0 * diameter * diameter);
+        const double variance =
+            layout.moving
+                ? std::pow(light * *std::max_element(seen.contrasts.begin(), seen.contrasts.end()), 2.0)
+                : std::max(0.0, mean_of(seen.energies.data(), seen.energies.size())) * double(seen.levels.size());
+        chance = kSpeckleScatters * std::sqrt(variance / speckles);
+    }
+    if (!(spread > std::max({kLeastSpread * light, kLeastLevelDn, chance})))
+        return std::nullopt;
+    const auto dimmest = std::size_t(low - seen.levels.begin()), brightest = std::size_t(high - seen.levels.begin());
+    return CaptureWarning{
+        layout.name,
+        fmt::format("the level is between {:.1f} DN (frame {}) and {:.1f} DN (frame {}): the light, the "
+                    "exposure or the scene changed between frames",
+                    *low, dimmest, *high, brightest),
+        "level_fluctuates",
+        {dimmest, brightest}};
 }
 
 } // namespace clsp

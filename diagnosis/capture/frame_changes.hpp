@@ -1,11 +1,12 @@
-// Whether the frames of a sequence are of one scene. A capture's statistics compare halves and pixels; what changes in the
-// middle of a sequence would be in both.
+// Whether the frames of a sequence are of one scene. A capture's statistics compare halves and pixels; what changes in
+// the middle of a sequence would be in both.
 #pragma once
 
 #include "capture/capture.hpp"
 #include "capture/sequence_scan.hpp"
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace clsp {
@@ -19,7 +20,8 @@ struct SequenceChange : CaptureWarning {
 constexpr const char *kFramesWithoutLight = "frames_without_light";
 
 // Steps, drifts and odd frames of the level, of the contrast, of the correlation of neighbours, and of what a resting
-// scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without light.
+// scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without
+// light.
 //
 // A step counts where its t (Student) is rarer than 1e-6 among all places, a drift where neighbouring frames are as
 // rarely so alike, which takes 14 frames. A level that follows a line (of four frames and more), or settles
@@ -30,6 +32,11 @@ constexpr const char *kFramesWithoutLight = "frames_without_light";
 // count where the gap is as wide as a t of 1e-6, and 8 times the scatter within.
 constexpr double kChanceOfFrameChange = 1e-6, kChanceOfFrameCourse = 1e-5;
 std::vector<SequenceChange> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
-                                       double dark_level_dn);
+                                          double dark_level_dn);
+
+// A level that goes up and down, or that of resting speckle drifts, by more than a tenth of the light and than speckle
+// does: an effect of the lamp (flicker) may explain it, so it is a warning alone. Of sequences without such a change.
+std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &layout, std::size_t sequence,
+                                                const SequenceScan &scan, double dark_level_dn);
 
 } // namespace clsp

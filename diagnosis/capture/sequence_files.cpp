@@ -392,20 +392,8 @@ std::vector<std::uint8_t> read_mask(const std::string &path, const CaptureLayout
         return mask;
     };
     std::vector<std::uint8_t> mask = reading(read, advice);
-    std::set<std::uint8_t> values(mask.begin(), mask.end());
-    values.erase(0);
-    if (values.size() > 1) {
-        const auto soft =
-            std::count_if(mask.begin(), mask.end(), [&](std::uint8_t m) { return m != 0 && m != *values.rbegin(); });
-        oddities.push_back(
-            {fmt::format(
-                 "the mask has {} values beside 0, {} to {}, as of a soft edge: all count ({} pixels are between "
-                 "0 and {}); if they are not to, make it of two values, "
-                 "numpy.where(mask == {}, 255, 0).astype(numpy.uint8)",
-                 values.size(), *values.begin(), *values.rbegin(), soft, *values.rbegin(), *values.rbegin()),
-             {path},
-             "mask"});
-    }
+    if (const std::string soft = image_io::told_soft({mask.begin(), mask.end()}); !soft.empty())
+        oddities.push_back({soft, {path}, "mask"});
     return mask;
 }
 

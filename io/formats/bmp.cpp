@@ -36,6 +36,10 @@ class BmpReader final : public Reader {
             refuse(fmt::format("its pixels have {} bits; 1, 4, 8, 24 and 32 are read", bits));
         if (compression != 0 && !(compression == 3 && bits == 32))
             refuse(fmt::format("its pixels are compressed (method {})", compression));
+        (void)number(4);                                          // bytes of the pixels
+        const std::uint32_t across = number(4), down = number(4); // pixels in a metre
+        if (across > 0)
+            warn_of_aspect(static_cast<double>(down) / across);
         if (compression == 3)
             check_masks(header_bytes);
         const std::uint64_t row_bytes = (static_cast<std::uint64_t>(width) * bits + 31) / 32 * 4;

@@ -21,11 +21,14 @@ class HdrReader final : public Reader {
             if (text == "FORMAT=32-bit_rle_rgbe")
                 rgbe = true;
             else if (text.rfind("FORMAT=", 0) == 0)
-                fail(fmt::format("its color format \"{}\" is not supported, only 32-bit_rle_rgbe", text.substr(7)));
+                fail(fmt::format("its color format \"{}\" is not supported, only 32-bit_rle_rgbe; convert it to EXR",
+                                 text.substr(7)));
             else if (text.rfind("EXPOSURE=", 0) == 0 && std::strtod(text.c_str() + 9, nullptr) != 1.0)
                 info_.warnings.push_back(fmt::format("the exposure in its header ({}) is ignored", text.substr(9)));
             else if (text.rfind("GAMMA=", 0) == 0 && std::strtod(text.c_str() + 6, nullptr) != 1.0)
                 info_.warnings.push_back(fmt::format("the gamma in its header ({}) is ignored", text.substr(6)));
+            else if (text.rfind("PIXASPECT=", 0) == 0)
+                warn_of_aspect(1 / std::strtod(text.c_str() + 10, nullptr)); // it is height over width
             else if (text.rfind("COLORCORR=", 0) == 0)
                 info_.warnings.push_back(
                     fmt::format("the color correction in its header ({}) is ignored", text.substr(10)));
@@ -38,7 +41,9 @@ class HdrReader final : public Reader {
         char tail = 0;
         // Seven digits cannot overflow and are already far too many.
         if (std::sscanf(size.c_str(), "-Y %7lu +X %7lu%c", &height, &width, &tail) != 2)
-            fail(fmt::format("its size line is \"{}\", only \"-Y height +X width\" is supported", size.substr(0, 60)));
+            fail(fmt::format("its size line is \"{}\", only \"-Y height +X width\" (from top to bottom, from left to "
+                             "right) is supported; convert it to EXR",
+                             size.substr(0, 60)));
         check_size(width, height);
         data_offset_ = static_cast<std::uint64_t>(::ftello(file_.stream()));
         info_.sample = "rgbe";

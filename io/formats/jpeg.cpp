@@ -145,6 +145,8 @@ class JpegReader final : public Reader {
             info_.transfer = profile.empty() ? unknown_transfer("its ICC profile", "content of which parts are missing")
                                              : transfer_of_icc(profile.data(), profile.size());
         }
+        if (info.saw_JFIF_marker && info.X_density > 0)
+            warn_of_aspect(static_cast<double>(info.Y_density) / info.X_density);
         info_.warnings.push_back(
             "the compression of JPEG is lossy. Where intensities matter use linear PNG, TIFF or EXR "
             "files");

@@ -136,21 +136,23 @@ class TgaReader final : public Reader {
         return static_cast<std::uint64_t>(::ftello(file_.stream()));
     }
 
-    /** Its gamma is a number over another one; 0 over 0: none is told. */
+    /** Its pixels' aspect and its gamma are a number over another one each; over 0: none is told. */
     void look_at_extension() {
-        unsigned char bytes[4];
+        unsigned char bytes[8];
         file_.seek(file_.size() - 26);
-        file_.read(bytes, sizeof bytes);
-        constexpr std::uint64_t gamma_at = 478;
+        file_.read(bytes, 4);
+        constexpr std::uint64_t aspect_at = 474; // the gamma is behind it
         const std::uint64_t at =
             bytes[0] | std::uint64_t{bytes[1]} << 8 | std::uint64_t{bytes[2]} << 16 | std::uint64_t{bytes[3]} << 24;
-        if (at == 0 || at + gamma_at + sizeof bytes > file_.size())
+        if (at == 0 || at + aspect_at + sizeof bytes > file_.size())
             return;
-        file_.seek(at + gamma_at);
+        file_.seek(at + aspect_at);
         file_.read(bytes, sizeof bytes);
-        const double over = bytes[0] | bytes[1] << 8, under = bytes[2] | bytes[3] << 8;
-        if (under > 0)
-            info_.transfer = power(over / under, "its extension area");
+        const auto word = [&](std::size_t i) { return static_cast<double>(bytes[i] | bytes[i + 1] << 8); };
+        if (word(2) > 0)
+            warn_of_aspect(word(0) / word(2));
+        if (word(6) > 0)
+            info_.transfer = power(word(4) / word(6), "its extension area");
     }
 
     detail::InputFile file_;

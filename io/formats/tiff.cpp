@@ -61,6 +61,10 @@ template <typename T> float to_float(const unsigned char *bytes) {
 
 constexpr std::uint16_t photometric_linear_raw = 34892; // of DNG
 
+bool is_lossy(std::uint16_t compression) {
+    return compression == COMPRESSION_JPEG || compression == COMPRESSION_OJPEG || compression == COMPRESSION_WEBP;
+}
+
 constexpr std::uint64_t most_padding_bytes = std::uint64_t{64} << 20;
 
 /** What one page holds. */
@@ -107,12 +111,13 @@ struct Page {
     std::uint16_t bits = 1;
     std::uint16_t channels = 1;
     std::uint16_t sample_format = SAMPLEFORMAT_UINT;
+    std::string words;    ///< That change what its numbers mean; of the first frame they are told, or applied, for all.
     bool is_frame = true; ///< Neither another one at a lower resolution nor a mask.
     std::vector<std::uint64_t> children;
 
     bool like(const Page &other) const {
         return width == other.width && height == other.height && bits == other.bits && channels == other.channels &&
-               sample_format == other.sample_format;
+               sample_format == other.sample_format && words == other.words;
     }
 };
 
@@ -148,8 +153,7 @@ class TiffReader final : public Reader {
         info_.alpha = layout.alpha;
         info_.sample = layout.sample();
         info_.full_scale = layout.full_scale();
-        info_.lossy = layout.compression == COMPRESSION_JPEG || layout.compression == COMPRESSION_OJPEG ||
-                      layout.compression == COMPRESSION_WEBP;
+        info_.lossy = is_lossy(layout.compression);
         if (info_.lossy)
             info_.warnings.push_back(
                 "its compression is lossy. Where intensities matter save it without, or with deflate or LZW");
@@ -211,6 +215,19 @@ class TiffReader final : public Reader {
         page.bits = field<std::uint16_t>(TIFFTAG_BITSPERSAMPLE, 1);
         page.channels = field<std::uint16_t>(TIFFTAG_SAMPLESPERPIXEL, 1);
         page.sample_format = field<std::uint16_t>(TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT);
+        if (field<std::uint16_t>(TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) == PHOTOMETRIC_MINISWHITE)
+            page.words += ", 0 is white";
+        if (const auto orientation = field<std::uint16_t>(TIFFTAG_ORIENTATION, 1); orientation > 1)
+            page.words += fmt::format(", orientation {}", orientation);
+        if (is_lossy(field<std::uint16_t>(TIFFTAG_COMPRESSION, COMPRESSION_NONE)))
+            page.words += ", lossy";
+        std::uint32_t profile_bytes = 0;
+        const void *profile = nullptr;
+        if (TIFFGetField(tiff_.get(), TIFFTAG_ICCPROFILE, &profile_bytes, &profile))
+            page.words += fmt::format(", an ICC profile of {} bytes", profile_bytes);
+        const std::uint16_t *tables[3] = {};
+        if (TIFFGetField(tiff_.get(), TIFFTAG_TRANSFERFUNCTION, &tables[0], &tables[1], &tables[2]))
+            page.words += ", a table of light";
         std::uint32_t kind = 0;
         std::uint16_t old_kind = 0;
         if (TIFFGetField(tiff_.get(), TIFFTAG_SUBFILETYPE, &kind))
@@ -276,8 +293,9 @@ class TiffReader final : public Reader {
         std::string text;
         for (std::size_t i = 0; i < std::min(most, pages_.size()); ++i) {
             const Page &page = pages_[i];
-            text += fmt::format("{}page {}{} {} x {}, {} x {} bits", i ? "; " : "", i,
-                                page.is_frame ? "" : " (reduced)", page.width, page.height, page.channels, page.bits);
+            text +=
+                fmt::format("{}page {}{} {} x {}, {} x {} bits{}", i ? "; " : "", i, page.is_frame ? "" : " (reduced)",
+                            page.width, page.height, page.channels, page.bits, page.words);
         }
         return pages_.size() > most ? fmt::format("{}; and {} more", text, pages_.size() - most) : text;
     }
@@ -446,6 +464,13 @@ class TiffReader final : public Reader {
         return {images, 1, "tifffile"};
     }
 
+    /** Where tifffile reads the frames as its first side. */
+    std::string saved_by_pages() const {
+        std::string text = frames_first(false);
+        text[0] = 'S';
+        return text;
+    }
+
     /** How an array is saved frame by frame. @param behind whether tifffile reads the frames as its last side. */
     std::string frames_first(bool behind) const {
         const std::string array = fmt::format("tifffile.imread(\"{}\")", path_);
@@ -555,6 +580,11 @@ class TiffReader final : public Reader {
         layout.planar = field<std::uint16_t>(TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
         layout.compression = field<std::uint16_t>(TIFFTAG_COMPRESSION, COMPRESSION_NONE);
         layout.tiled = TIFFIsTiled(tiff_.get()) != 0;
+        if (const auto depth = field<std::uint32_t>(TIFFTAG_IMAGEDEPTH, 1); depth > 1)
+            fail(fmt::format("holds a volume of {} images in one page (tag ImageDepth). {}", depth, saved_by_pages()));
+        if (!TIFFIsCODECConfigured(layout.compression))
+            fail(fmt::format("its compression (number {}) is not read; save it without, or with deflate or LZW",
+                             layout.compression));
         if (layout.sample_format == SAMPLEFORMAT_VOID)
             layout.sample_format = SAMPLEFORMAT_UINT;
         const bool real = layout.sample_format == SAMPLEFORMAT_IEEEFP;

@@ -1,7 +1,7 @@
 """All readers under libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer, and what fuzzers found before.
 
-In the night each reader runs for CLSPECKLE_FUZZ_SECONDS, begun from small files of its format or kind and from corpus/,
-which holds files that once were read wrongly. Every change reads those once. A tool that is missing is a failure.
+In the night each reader runs for ten minutes (CLSPECKLE_FUZZ_SECONDS), begun from small files of its format or kind and from
+corpus/, which holds files that once were read wrongly. Every change reads those once. A tool that is missing is a failure.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
 BIN = Path(os.environ.get("CLSPECKLE_BIN", BUILD / "bin"))
-SECONDS = int(os.environ.get("CLSPECKLE_FUZZ_SECONDS", "10"))
+SECONDS = int(os.environ.get("CLSPECKLE_FUZZ_SECONDS", "600"))
 FORMATS = sorted({*make_seeds.FORMATS.values(), "raw"})
 KINDS = make_file_seeds.KINDS
 LIMITS = ["-timeout=10", "-rss_limit_mb=1500"]

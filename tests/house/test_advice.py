@@ -16,7 +16,9 @@ TABLE = Path(__file__).with_name("advice.txt")
 SOURCES = [
     *sorted((ROOT / "io").rglob("*.cpp")),
     *sorted((ROOT / "diagnosis" / "capture").glob("*.cpp")),
-    *(ROOT / "tools" / f"{name}.cpp" for name in ("capture", "capture_init", "files", "input", "render", "statistics")),
+    *(ROOT / "tools" / f"{name}.cpp" for name in ("capture", "capture_init", "depth", "depth_files", "diagnose")),
+    *(ROOT / "tools" / f"{name}.cpp" for name in ("doe_design", "doe_files", "doe_pattern", "files", "input")),
+    *(ROOT / "tools" / f"{name}.cpp" for name in ("render", "statistics")),
 ]
 # Options, lines of Python, names of files with what is wanted of them, and what is to be saved, named or converted.
 ADVISES = re.compile(

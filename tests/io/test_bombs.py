@@ -19,8 +19,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
+TESTS = Path(__file__).resolve().parents[1]
+sys.path += [str(TESTS / "tools"), str(TESTS / "fuzz")]
 import cli_images as images  # noqa: E402
+import make_seeds  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DUMP = Path(os.environ.get("CLSPECKLE_BIN", ROOT / "build" / "bin")) / "clspeckle-image-dump"
@@ -132,6 +134,30 @@ def exr(path: Path, side: int) -> None:
     images.exr(path, {"Y": np.zeros((side, side), np.float16)})
 
 
+def exr_channels(path: Path, count: int, tail: str) -> None:
+    """Layers of one channel each, without a pixel that counts."""
+
+    def attribute(name: bytes, kind: bytes, data: bytes) -> bytes:
+        return name + b"\0" + kind + b"\0" + struct.pack("<i", len(data)) + data
+
+    names = sorted(f"l{i}.{tail}" for i in range(count))
+    channels = b"".join(name.encode() + b"\0" + struct.pack("<iIii", 1, 0, 1, 1) for name in names) + b"\0"
+    header = (
+        b"v/1\x01\x02\0\0\0"
+        + attribute(b"channels", b"chlist", channels)
+        + attribute(b"compression", b"compression", b"\0")
+        + attribute(b"dataWindow", b"box2i", bytes(16))
+        + attribute(b"displayWindow", b"box2i", bytes(16))
+        + attribute(b"lineOrder", b"lineOrder", b"\0")
+        + attribute(b"pixelAspectRatio", b"float", struct.pack("<f", 1))
+        + attribute(b"screenWindowCenter", b"v2f", bytes(8))
+        + attribute(b"screenWindowWidth", b"float", struct.pack("<f", 1))
+        + b"\0"
+    )
+    row = struct.pack("<ii", 0, 2 * count) + bytes(2 * count)
+    path.write_bytes(header + struct.pack("<Q", len(header) + 8) + row)
+
+
 def long_attribute() -> bytes:
     """A header whose text claims two gigabytes."""
     return b"v/1\x01\x02\0\0\0" + b"type\0string\0" + struct.pack("<i", 2_000_000_000) + bytes(1000)
@@ -188,6 +214,8 @@ BOMBS: dict[str, tuple[Callable[[Path], object], int]] = {
     "fewer_runs.hdr": (lambda p: hdr(p, 4096), 3 * 4096 * 4096),
     "largest.exr": (lambda p: exr(p, SIDE), SIDE * SIDE),
     "large.exr": (lambda p: exr(p, 8192), 8192 * 8192),
+    "channels.exr": (lambda p: exr_channels(p, 30_000, "R"), 1),
+    "fewer_channels.exr": (lambda p: exr_channels(p, 1024, "X"), 1),
     "attribute.exr": (lambda p: p.write_bytes(long_attribute()), 1),
     "digits.pgm": (lambda p: p.write_bytes(b"P2 700 700 255\n" + b"0 " * 490_000), 490_000),
     "tiny_images.pgm": (lambda p: p.write_bytes(b"P5 1 1 255\n\0" * 80_000), 1),
@@ -208,6 +236,11 @@ def test_a_small_file_takes_little(tmp_path: Path, name: str) -> None:
     write, pixels = BOMBS[name]
     write(tmp_path / name)
     read(tmp_path / name, pixels)
+
+
+def test_every_format_is_tried() -> None:
+    """But raw frames, which have a test of their own."""
+    assert {*make_seeds.FORMATS.values()} == {make_seeds.FORMATS[Path(name).suffix] for name in BOMBS}
 
 
 def test_a_large_image_in_a_small_file_says_how_it_can_be_read(tmp_path: Path) -> None:

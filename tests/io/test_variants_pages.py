@@ -220,6 +220,41 @@ def test_pages_that_are_no_series_are_listed(tmp_path: Path, other: Array) -> No
     np.testing.assert_array_equal(Dump(tmp_path / "a.tif:page=1").values[0], other.astype(np.float32))
 
 
+WORDS: dict[str, tuple[dict, str]] = {
+    "white": ({"photometric": "miniswhite"}, "0 is white"),
+    "turned": ({"extratags": [(274, 3, 1, 6, True)]}, "orientation 6"),
+    "lossy": ({"lossy": True}, "lossy"),
+    "profile": ({"iccprofile": ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()}, "an ICC profile of"),
+    "table": ({"extratags": [(301, 3, 256, tuple(range(256)), True)]}, "a table of light"),
+}
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("name", WORDS)
+def test_pages_with_other_words_are_no_series(tmp_path: Path, name: str, first: bool) -> None:
+    """What one page says of its numbers holds for no other; where all say it, they are a series."""
+    options, word = WORDS[name]
+    pages = [{"photometric": "minisblack"}, {"photometric": "minisblack", **options}]
+    values = (STACK[0] >> 2).astype(np.uint8)
+
+    def written(kinds: list[dict]) -> Dump:
+        if name == "lossy":
+            images = [Image.fromarray(values) for _ in kinds]
+            for image, kind in zip(images, kinds, strict=True):
+                image.encoderinfo = {"compression": "jpeg" if "lossy" in kind else "raw"}
+            images[0].save(tmp_path / "a.tif", save_all=True, append_images=images[1:], **images[0].encoderinfo)
+            return Dump(tmp_path / "a.tif")
+        with tifffile.TiffWriter(tmp_path / "a.tif") as tif:
+            for kind in kinds:
+                tif.write(values, **kind)
+        return Dump(tmp_path / "a.tif")
+
+    error = written(pages[::-1] if first else pages).error
+    assert "no series" in error and f"page {0 if first else 1} 40 x 28, 1 x 8 bits, {word}" in error
+    assert Dump(tmp_path / f"a.tif:page={0 if first else 1}").frames == 1
+    assert written([pages[1]] * 2).frames == 2
+
+
 # --- TIFF: words that change numbers ---
 
 

@@ -25,7 +25,7 @@ def bit_rows(codes: Array, bits: int) -> bytes:
 
 def tiff_of(data: bytes, size: tuple[int, int], bits: int, order: str = "<", **tags: int | tuple[int, ...]) -> bytes:
     """One strip by hand: what tifffile writes only with further packages."""
-    names = {"photometric": 262, "channels": 277, "format": 339, "fill_order": 266, "colors": 320, "planar": 284}
+    names = {"photometric": 262, "channels": 277, "format": 339, "fill_order": 266, "colors": 320, "planar": 284, "compression": 259}
     entries: dict[int, int | tuple[int, ...]] = {
         256: size[0], 257: size[1], 258: bits, 259: 1, 262: 1, 277: 1, 278: size[1], 279: len(data), 273: 8,
         **{names[name]: value for name, value in tags.items()},
@@ -193,6 +193,16 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str, Callable[[Path], object]
         lambda p: p.write_bytes(tiff_of(noise(SIZE).tobytes(), SIZE, 8, photometric=3, colors=(1, 2, 3))),
         'photometric="minisblack")',
         minisblack,
+    ),
+    "volume": (
+        lambda p: tifffile.imwrite(p, np.stack([noise(SIZE)] * 3), volumetric=True, tile=(3, 16, 16), photometric="minisblack"),
+        "holds a volume of 3 images in one page (tag ImageDepth). Save tifffile.imwrite(",
+        lambda p: tifffile.imwrite(p, tifffile.imread(p), photometric="minisblack"),
+    ),
+    "jpeg_2000": (
+        lambda p: p.write_bytes(tiff_of(noise(SIZE).tobytes(), SIZE, 8, compression=34712)),
+        "its compression (number 34712) is not read; save it without, or with deflate or LZW",
+        lambda p: tifffile.imwrite(p, noise(SIZE), compression="zlib"),
     ),
     "three_of_gray": (
         lambda p: tifffile.imwrite(p, noise(SIZE, 3), photometric="minisblack", planarconfig="contig"),

@@ -105,10 +105,10 @@ def test_bmp_tells_how_numbers_stand_for_light(tmp_path: Path) -> None:
     assert transfer(0x4C494E4B).startswith("its content in another file")
 
 
-def tga_with_gamma(values: np.ndarray, gamma: tuple[int, int]) -> bytes:
+def tga_with_gamma(values: np.ndarray, gamma: tuple[int, int], aspect: tuple[int, int] = (0, 0)) -> bytes:
     pixels = tga(values.tobytes(), values.shape[::-1], 3, 8)
     extension = bytearray(struct.pack("<H", 495) + bytes(493))
-    extension[478:482] = struct.pack("<HH", *gamma)
+    extension[474:482] = struct.pack("<HHHH", *aspect, *gamma)
     return pixels + bytes(extension) + tga_footer(len(pixels))
 
 
@@ -215,12 +215,18 @@ def test_pixels_that_are_no_squares_are_told(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", values, resolution=(144, 72))
     Image.fromarray(values).save(tmp_path / "a.png", dpi=(144, 72))
     images.exr(tmp_path / "a.exr", {"Y": values / np.float32(255)}, pixelAspectRatio=0.5)
-    for name in ("a.tif", "a.png", "a.exr"):
-        assert Dump(tmp_path / name).warnings == told
-    tifffile.imwrite(tmp_path / "a.tif", values, resolution=(72, 72))
-    Image.fromarray(values).save(tmp_path / "a.png", dpi=(72, 72))
-    for name in ("a.tif", "a.png"):
-        assert Dump(tmp_path / name).warnings == []
+    for dpi, aspect in (((144, 72), (1, 2)), ((72, 72), (1, 1)), ((72, 72), (0, 0))):
+        tifffile.imwrite(tmp_path / "a.tif", values, resolution=dpi)
+        for name in ("a.png", "a.bmp", "a.jpg"):
+            Image.fromarray(values).save(tmp_path / name, dpi=dpi)
+        (tmp_path / "a.tga").write_bytes(tga_with_gamma(values, (0, 0), aspect))
+        line = f"PIXASPECT={dpi[0] // dpi[1]}\nFORMAT"
+        head = test_variants_hdr.HEADERS["radiance"].format(w=13, h=6).replace("FORMAT", line)
+        (tmp_path / "a.hdr").write_bytes(head.encode() + test_variants_hdr.flat(np.full((6, 13, 4), 130, np.uint8)))
+        for name in ("a.tif", "a.png", "a.bmp", "a.tga", "a.hdr"):
+            assert Dump(tmp_path / name).warnings == (told if dpi == (144, 72) else []), name
+        assert (told[0] in Dump(tmp_path / "a.jpg").warnings) == (dpi == (144, 72))
+    assert Dump(tmp_path / "a.exr").warnings == told
 
 
 @pytest.mark.parametrize("photometric", [32803, 34892])

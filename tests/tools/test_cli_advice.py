@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import lzma
 import os
 import re
 import sys
@@ -95,6 +96,20 @@ FILES: dict[str, tuple[Write, str, str, Write, str]] = {
         lambda f: (f / "a.pgm").write_bytes(gzip.decompress((f / "a.pgm.gz").read_bytes())),
         "a.pgm",
     ),
+    "video": (
+        lambda f: (f / "a.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(100)),
+        "a.mp4",
+        "is a file of the format MP4, which is not read; save its frames as PNG, TIFF or NPY",
+        lambda f: iio.imwrite(f / "b0.png", images.gray8()),
+        "b?.png",
+    ),
+    "xz": (
+        lambda f: (f / "a.pgm.xz").write_bytes(lzma.compress(b"P5 8 8 255\n" + bytes(range(64)))),
+        "a.pgm.xz",
+        "is a file of the format xz, which is not read; unpack it",
+        lambda f: (f / "a.pgm").write_bytes(lzma.decompress((f / "a.pgm.xz").read_bytes())),
+        "a.pgm",
+    ),
     "zip": (zipped, "a.zip", "is a ZIP archive; unpack it", unzip, "b.png"),
     "no_frames": (
         lambda f: np.save(f / "a.npy", np.ones((0, 9, 9))),
@@ -172,6 +187,25 @@ FILES: dict[str, tuple[Write, str, str, Write, str]] = {
         "Turn them and save them without that word",
         lambda f: tifffile.imwrite(f / "a.tif", np.rot90(images.gray8(), -1)),
         "a.tif",
+    ),
+    **{
+        f"hdr_{words[0]}": (
+            lambda f, words=words: (f / "a.hdr").write_bytes(
+                f"#?RADIANCE\nFORMAT=32-bit_rle_{words[0]}\n\n{words[1]}\n".encode() + bytes([128, 128, 128, 128]) * 48
+            ),
+            "a.hdr",
+            "supported; convert it to EXR" if words[0] == "rgbe" else "only 32-bit_rle_rgbe; convert it to EXR",
+            lambda f: images.exr(f / "a.exr", {"Y": images.real()}),
+            "a.exr",
+        )
+        for words in (("rgbe", "+Y 6 +X 8"), ("xyze", "-Y 6 +X 8"))
+    },
+    "channels_of_exr": (
+        lambda f: images.exr(f / "a.exr", {f"l{i}.R": images.real()[:2, :2] for i in range(1025)}),
+        "a.exr",
+        "save those that are needed as a file of their own",
+        lambda f: images.exr(f / "b.exr", {f"l{i}.R": images.real()[:2, :2] for i in range(1024)}),
+        "b.exr:l9.R",
     ),
     "runs_of_bmp": (
         lambda f: (f / "a.bmp").write_bytes(
@@ -337,6 +371,103 @@ def test_what_an_earlier_run_wrote(ok, refused, tmp_path: Path) -> None:
     advice = re.search(r"for example '(out/frame_\*\.png)'", refused("render", "out", "-o", "again"))
     assert advice
     ok("render", advice[1], "-o", "again")
+
+
+CELL = ["--size", 96, "--pitch-um", 1]
+DOTS = ["--dots", 60, "--min-difference", 0]
+DESIGN = ["doe", "design", "list.json", "-o", "d", "--levels", 8]
+LAYOUT = ["doe", "layout", *DOTS]
+FIELD = ["-o", "l", "--field-of-view", "24,18"]
+INSPECT = ["doe", "inspect", "cell.npy", "--texels", "96,64", "--beam-sigma-um", 60]
+IMAGE = ["doe", "inspect", "cell.npy", "--texels", "96,64", "--beam-width-um", 2000, "--beam-image", "beam.npy"]
+FIGURE = [*INSPECT, "-o", "figure.png"]
+# As RENDER, of elements.
+DOE: dict[str, tuple[list, str, list]] = {
+    "mirror": ([*DESIGN, *CELL, "--levels", 2], "give --mirror", [*DESIGN, *CELL, "--levels", 2, "--mirror"]),
+    "mirror_of_nothing": ([*DESIGN, *CELL, "--mirror"], "--mirror is given, but levels is 8", [*DESIGN, *CELL]),
+    "size": ([*DESIGN, "--size", "0,96"], "a cell has at least one pixel along each axis", [*DESIGN, "--size", "96,96"]),
+    "period": ([*DESIGN, *CELL, "--period-um", 50], "or leave one out", [*DESIGN, *CELL]),
+    "period_is_changed": ([*DESIGN, *CELL, "--period-um", 50], "change one of --period-um", [*DESIGN, *CELL, "--period-um", 96]),
+    "angle": (
+        [*LAYOUT, *CELL, "-o", "l", "--field-of-view", "0,9"],
+        "half of --field-of-view",
+        [*LAYOUT, *CELL, *FIELD],
+    ),
+    "free": ([*LAYOUT, *FIELD, *CELL, "--free"], "no effect with --free, which knows no cell", [*LAYOUT, *FIELD, "--free"]),
+    "name": (
+        [*LAYOUT, *CELL, *FIELD[2:], "-o", "./"],
+        "a name is needed, for example ./dots",
+        [*LAYOUT, *CELL, *FIELD[2:], "-o", "./dots"],
+    ),
+    "narrow_beam": (
+        [*INSPECT, "--beam", "flat_circle", "--beam-width-um", 20],
+        "or --evaluation aperture",
+        [*INSPECT, "--beam", "flat_circle", "--beam-width-um", 20, "--evaluation", "aperture"],
+    ),
+    "beam_image": ([*INSPECT, "--beam", "image"], "--beam image needs --beam-image FILE", IMAGE),
+    "beam_and_image": ([*IMAGE, "--beam", "flat_circle"], "no effect beside --beam-image; leave it out", IMAGE),
+    "transfer": ([*INSPECT, "--transfer", "srgb"], "of the numbers of --beam-image; name that", [*IMAGE, "--transfer", "srgb"]),
+    "lines": (
+        [*INSPECT, "--wavelength-nm", 940, "--line-power", "1,2"],
+        "--line-power has 2 numbers, but --wavelength-nm has 1",
+        [*INSPECT, "--wavelength-nm", "940,930", "--line-power", "1,2"],
+    ),
+    "beam_quality": (
+        [*INSPECT, "--m-squared", 1.5, "--evaluation", "aperture"],
+        "use --evaluation orders",
+        [*INSPECT, "--m-squared", 1.5, "--evaluation", "orders"],
+    ),
+    "no_part": ([*FIGURE, "--zoom", "0,0,0"], "the half width must be above 0 and at most 1", [*FIGURE, "--zoom", "0,0,1"]),
+    "part_outside": ([*FIGURE, "--zoom", "5,5,0.1"], "lies outside of the pattern", [*FIGURE, "--zoom", "0.1,0,0.1"]),
+    "part_of_nothing": ([*INSPECT, "--zoom", "0,0,0.1"], "drawn with -o FILE.png", [*FIGURE, "--zoom", "0,0,0.1"]),
+    "ending": ([*INSPECT, "-o", "e.jpg"], "written as .png; choose a name that ends in it", [*INSPECT, "-o", "e.png"]),
+}
+
+
+def grating(folder: Path) -> None:
+    np.save(folder / "cell.npy", np.tile(np.repeat(np.float32([0, np.pi]), 8), (16, 1)))
+    (folder / "cell.json").write_text('{"pixel_pitch_m": 1.5e-6, "wavelength_m": 940e-9, "levels": 2}')
+    (folder / "list.json").write_text('{"orders": [[1, 2], [5, -3]]}')
+    np.save(folder / "beam.npy", images.real())
+
+
+@pytest.mark.parametrize("name", DOE)
+def test_doe(ok, refused, tmp_path: Path, name: str) -> None:
+    grating(tmp_path)
+    bad, advice, good = DOE[name]
+    assert advice in refused(*bad)
+    ok(*good)
+
+
+def test_a_pattern_is_looked_up_as_it_says(ok, scene: Path) -> None:
+    grating(scene)
+    said = ok("doe", "pattern", *INSPECT[2:], "-o", "made.npy").out
+    told = re.search(r"Look it up with: clspeckle (render SCENE -o FOLDER --pattern made.npy .*)", said)
+    assert told
+    words = told[1].replace("SCENE", " ".join(map(str, SURFACE))).replace("FOLDER", "looked").split()
+    assert "no light" not in ok(*words, *LASER, "--exposure-gain", "auto").err
+
+
+def test_outputs_of_a_diagnosis(ok, refused, tmp_path: Path) -> None:
+    ok(*DARK)
+    quick = ["diagnose", "drawn", "--replicates", 12, "--max-effects", 1]
+    for bad, advice in (
+        (["--json", "r.json", "--html", "r.json"], "--json and --html name the same file; give each its own"),
+        (["--html", "-"], "for example --html report.html"),
+        (["--profile", "-"], "for example --profile camera.json"),
+        (["--profile", "r.json", "--emva", "r.json"], "another option names the same file; give each its own"),
+        (["--profile", "r.json", "--json", "r.dark.npy"], "give each file a name of its own"),
+        (["--without", "gamma,"], "one of the names is empty; the effects are "),
+        (["--without", "defokus"], 'the nearest one is "defocus"'),
+        (["--window", "9"], "for example --window 480,300,320,200"),
+    ):
+        assert advice in refused(*quick, *bad)
+    outputs = ["--json", "r.json", "--html", "report.html", "--profile", "camera.json", "--emva", "e.xml"]
+    said = ok(*quick, *outputs, "--without", "gamma,defocus", "--window", "0,0,32,24").out
+    profile = re.search(r"Camera profile, for render --profile: (\S+)", said)
+    assert profile
+    np.save(tmp_path / "ideal.npy", images.real()[:24, :32])
+    ok("render", "ideal.npy", "-o", "rendered", "--profile", profile[1])
 
 
 MAKE = ["capture", "make", "drawn", "--width", 32, "--height", 24, "--frames", 2, "--sequences"]

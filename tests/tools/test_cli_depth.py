@@ -182,15 +182,83 @@ def test_bad_input(refused, tmp_path: Path, scene) -> None:
     bad[3, 5] = np.nan
     np.save(tmp_path / "bad.npy", bad)
     assert "pixel (5, 3)" in refused("depth", "bad.npy", *scene, "--csv", "never.csv")
-    assert "is an input" in refused("depth", "frame_0.png", *scene, "--csv", "./rig.json")
-    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "out")
+    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out.npy", "--npy", "out.npy")
     assert "required" in refused("depth", "frame_0.png", "--dots", "dots.txt")
     refused("depth", "frame_0.png", *scene, "--csv", "no/folder/dots.csv", code=3)
-    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out", "--npy", "./out")
+    assert "the same file" in refused("depth", "frame_0.png", *scene, "--csv", "out.npy", "--npy", "./out.npy")
     refused("depth", "frame_0.png", *scene, "--csv", "", "--npy", "no/folder/dots.npy", code=3)
     (tmp_path / "file").write_text("mine")
     assert "with --pictures" in refused("depth", "frame_0.png", *scene, "--pictures", "file", code=3)
     assert "--max-dots" in refused("depth", "frame_0.png", *scene, "--max-dots", "-1")
+
+
+def test_no_file_is_replaced_unasked(ok, refused, tmp_path: Path, scene) -> None:
+    np.save(tmp_path / "frame.npy", iio.imread(tmp_path / "frame_0.png"))
+    for output in (("--csv", "./rig.json"), ("--csv", "frame.npy"), ("--npy", "frame.npy"), ("--npy", "dots.txt")):
+        message = refused("depth", "frame.npy:page=0", *scene, *output, "--overwrite")
+        assert "overwrite the input" in message and output[0] in message
+    options = ("--csv", "out.csv", "--npy", "out.npy", "--pictures", "pictures")
+    ok("depth", "frame_0.png", *scene, *options)
+    written = [tmp_path / "out.csv", tmp_path / "out.npy", *sorted((tmp_path / "pictures").iterdir())]
+    assert len(written) == 5
+    for path in written:
+        path.write_text("mine")
+    for option, name in zip(options[::2], options[1::2], strict=True):
+        message = refused("depth", "frame_0.png", *scene, option, name, code=3)
+        assert f"with {option}, or replace" in message and "--overwrite" in message
+    assert all(path.read_text() == "mine" for path in written)
+    ok("depth", "frame_0.png", *scene, "--csv", "other.csv", "--npy", "other.npy", "--pictures", "others")
+    ok("depth", "frame_0.png", *scene, *options, "--overwrite")
+    assert all(path.stat().st_size > 1000 for path in written)
+    assert "--npy dots.png: the file is written as .npy" in refused("depth", "frame_0.png", *scene, "--npy", "dots.png")
+
+
+def test_half_a_lens_is_told(ok, tmp_path: Path, scene) -> None:
+    """Of pitch, f-number and wavelength all are needed; who knows it says so by --relative-diameter."""
+    lens = {"f_number": 2.8, "pixel_pitch_m": 2.9e-6, "wavelength_m": 940e-9}
+    for left_out in (("wavelength_m",), ("f_number",), ("pixel_pitch_m", "wavelength_m")):
+        rig = geometry()
+        for member, value in lens.items():
+            if member not in left_out:
+                rig["laser" if member == "wavelength_m" else "camera"][member] = value
+        (tmp_path / "rig.json").write_text(json.dumps(rig))
+        told = ok("depth", "frame_0.png", *scene).err
+        assert all(f"no {'laser' if name == 'wavelength_m' else 'camera'}.{name}" in told for name in left_out)
+        for diameter in (1.1, 0):
+            assert "speckle" not in ok("depth", "frame_0.png", *scene, "--relative-diameter", diameter).err
+    (tmp_path / "rig.json").write_text(json.dumps(geometry()))
+    assert "speckle" not in ok("depth", "frame_0.png", *scene).err
+
+
+def test_what_is_advised_is_taken(ok, refused, tmp_path: Path, scene) -> None:
+    depth = ("depth", "frame_0.png", *scene)
+    (tmp_path / "mine").mkdir()
+    np.save(tmp_path / "mine" / "depth_000000.npy", iio.imread(tmp_path / "frame_0.png"))
+    for bad, advice, good in (
+        (("--csv", "a.npy", "--npy", "a.npy"), "--csv and --npy name the same file", ("--csv", "a.csv", "--npy", "a.npy")),
+        (("--pictures", ".", "--csv", "depth_9.npy"), "name another file", ("--pictures", "p", "--csv", "b.csv")),
+        (("mine/depth_000000.npy", "--pictures", "mine"), "name another folder", ("mine/depth_000000.npy", "--pictures", "q")),
+        (("--npy", "dots.bin"), "written as .npy; choose a name that ends in it", ("--npy", "b.npy")),
+    ):
+        assert advice in refused(*depth, *bad)
+        ok(*depth, *good)
+    # What the help has, and what `doe layout` writes.
+    (tmp_path / "none.json").write_text("{}")
+    assert "see clspeckle depth --help" in refused(*depth, "--geometry", "none.json")
+    text = ok("depth", "--help").out
+    begin = text.index('{"camera"')
+    end = text.index("\n", text.index("depth_range_m", begin))
+    (tmp_path / "rig.json").write_text(text[begin:end])
+    ok(*depth)
+    assert "a layout of `clspeckle doe layout` or a design of" in refused(*depth, "--dots", "none.json")
+    ok("doe", "layout", "-o", "layout", "--size", 96, "--pitch-um", 1, "--field-of-view", "24,18", "--dots", 60, "--min-difference", 0)
+    ok(*depth, "--dots", "layout.json")
+
+
+@pytest.mark.parametrize("diameter", [1e9, -1, "nan", 1e-4])
+def test_a_diameter_that_no_lens_has(refused, scene, diameter: object) -> None:
+    message = refused("depth", "frame_0.png", *scene, f"--relative-diameter={diameter}")
+    assert "0 (not known) or 0.001 to 1000 cycles per pixel" in message
 
 
 def test_inputs_outlive_the_pictures(refused, tmp_path: Path, scene, frame: reference.Frame) -> None:

@@ -189,6 +189,11 @@ def test_no_file_is_replaced_unasked(ok: Callable[..., Run], refused: Callable[.
         assert (folder / output).read_text() == "mine"
         ok("doe", command, "cell.npy", "-o", output, *SMALL, "--overwrite")
         assert (folder / output).stat().st_size > 1000
+    for name in ("e.jpg", "e", "png", ".png", "e.png.bak"):
+        message = refused("doe", "inspect", "cell.npy", "-o", name, "--overwrite", *SMALL)
+        assert f"-o {name}: the file is written as .png" in message
+        assert not (folder / name).exists()
+    ok("doe", "inspect", "cell.npy", "-o", "e.PNG", *SMALL)
     (folder / "other.json").write_text("mine")
     assert "other.json exists" in refused("doe", "pattern", "cell.npy", "-o", "other", *SMALL, code=3)
 
@@ -196,10 +201,12 @@ def test_no_file_is_replaced_unasked(ok: Callable[..., Run], refused: Callable[.
 @pytest.mark.parametrize("command", ["inspect", "pattern"])
 def test_a_pipe_stays_what_it_is(refused: Callable[..., str], design: Path, command: str) -> None:
     """A device would be refused in the same place; none is risked here."""
-    pipe = design.parent / "pipe.npy"
+    ending = ".npy" if command == "pattern" else ".png"
+    pipe = design.parent / f"pipe{ending}"
     os.mkfifo(pipe)
     assert "is a pipe, a device" in refused("doe", command, design, "-o", pipe, *SMALL, "--overwrite", code=3)
     assert pipe.is_fifo()
-    (design.parent / "link.npy").symlink_to("pipe.npy")
-    assert "is a pipe, a device" in refused("doe", command, design, "-o", "link.npy", *SMALL, "--overwrite", code=3)
+    link = design.parent / f"link{ending}"
+    link.symlink_to(pipe.name)
+    assert "is a pipe, a device" in refused("doe", command, design, "-o", link, *SMALL, "--overwrite", code=3)
     assert pipe.is_fifo()

@@ -513,3 +513,33 @@ def test_what_holds_for_all_frames_is_said_once(ok, tmp_path: Path) -> None:
         Image.fromarray(np.roll(color, i, axis=0)).save(tmp_path / f"frame_{i}.png", icc_profile=srgb_profile())
     told = ok("render", "frame_*.png", "-o", "out").err
     assert told.count("color channels differ") == 1 and told.count("encoded for a screen") == 1
+
+
+SOFT = np.clip(8 * np.arange(images.WIDTH) - 100, 0, 255).astype(np.uint8)[None, :].repeat(images.HEIGHT, axis=0)
+MASKS = {
+    "uint8.npy": SOFT,
+    "float.npy": SOFT / np.float32(255),
+    "labels.png": SOFT // 60,
+}
+
+
+@pytest.mark.parametrize("name", MASKS)
+@pytest.mark.parametrize("option", ["--mask", "--refresh-mask"])
+def test_soft_masks_are_told_once(ok, tmp_path: Path, option: str, name: str) -> None:
+    """All that is not 0 counts; of two values it is as it was meant."""
+    mask = MASKS[name]
+    np.save(tmp_path / "frame.npy", np.stack([images.real()] * 2))
+
+    def told(file: str, array: np.ndarray) -> str:
+        np.save(tmp_path / file, array) if file.endswith(".npy") else iio.imwrite(tmp_path / file, array)
+        if option == "--mask":
+            return ok("statistics", "frame.npy", option, file).err
+        render = ["render", "frame.npy", "-o", "out", "--no-preview", "--exposure-gain", 300, "--refresh", "mask"]
+        return ok(*render, option, file).err
+
+    said = told(name, mask)
+    assert said.count("as of a soft edge: all count") == 1
+    two = re.search(r"of two values, (numpy\.where\(mask > (\S+), .*\))", said)
+    assert two and float(two[2]) == pytest.approx((mask[mask > 0].min() + mask.max()) / 2)
+    for values in (eval(two[1], {"numpy": np, "mask": mask}), mask > 0, np.where(mask > 0, 7.0, 0.0)):
+        assert told("two.npy", values) == ""

@@ -105,7 +105,7 @@ typedef struct ClspDepthDesc {
     double saturation_dn;          /**< Pixels at or above are saturated, >= 0; default 0: none is. */
     double epipolar_tolerance_px;  /**< Largest distance from a line that the geometry's errors may cause, above 0 to 20; default 1. */
     double min_confidence;         /**< Least probability of a dot that is placed, 0.5 to below 1; default 0.9. */
-    double relative_diameter;      /**< D of the lens (aperture.h) in cycles per pixel, at least 0.001, for the covariance that speckle gives to centres; 0 (default): not known, covariances are the noise's. */
+    double relative_diameter;      /**< D of the lens (aperture.h) in cycles per pixel, 0.001 to 1000, for the covariance that speckle gives to centres; 0 (default): not known, covariances are the noise's. */
     double speckle_contrast;       /**< 0 to 1, default 1, of light before pixels average it: sqrt((1 + p^2) / 2) for the degree of polarization p, less where speckle moves during the exposure. */
 } ClspDepthDesc;
 

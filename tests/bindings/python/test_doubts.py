@@ -318,7 +318,7 @@ def test_what_is_advised_of_planes_helps() -> None:
     cut = (OBLIQUE * 0.9).astype(np.int8)
     assert "shorter than 0.5" in of_geometry(normal=cut)[0]
     position = np.dstack([*np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0])), DEPTH])
-    camera = pipeline()
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=OBLIQUE))) == []
     assert "face away" in said(lambda: camera.render(clspeckle.Geometry(position=position, normal=-OBLIQUE)))[0]
 
@@ -366,7 +366,7 @@ def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> No
     x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0]))
     position = half(np.dstack([x, y, DEPTH]), nothing)
     normal = half(FACING, 0)
-    camera = pipeline()
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=normal))) == []
     files = ["--position", "position.npy", "--normal", "normal.npy"]
     planes = {"position": position, "texels": TEXELS}
@@ -738,7 +738,7 @@ def test_the_program_and_python_take_the_same_arrays_as_codes(tmp_path: Path, la
 
 
 def test_each_cause_is_told_once_for_a_line_of_code() -> None:
-    camera = pipeline()
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("default")
         for frame in range(4):
@@ -787,3 +787,42 @@ def test_frames_behind_height_and_width() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             clspeckle.Capture.from_arrays(given, camera=camera)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int64, np.float32])
+def test_soft_masks(dtype: Any) -> None:
+    """All that is not 0 counts. Floating-point masks are refused."""
+    soft = (np.clip(np.arange(SHAPE[1]) - 9, 0, 12) * 10).astype(dtype)[None, :].repeat(SHAPE[0], axis=0)
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
+    calls: dict[str, Callable[[Array], Any]] = {
+        "refresh": lambda mask: camera.render(RAMP, refresh=mask),
+        "mask": lambda mask: clspeckle.statistics.moments(RAMP, mask),
+        "mask of 'dark'": lambda mask: clspeckle.Capture.from_arrays(
+            {"dark": clspeckle.CaptureSequence(frames(), "dark", mask=np.resize(mask, (48, 64)))}, camera={"bits": 10}
+        ),
+    }
+    for name, call in calls.items():
+        if dtype is np.float32:
+            with pytest.raises(clspeckle.errors.InvalidFormatError, match=re.escape("; give mask != 0, or mask > 0.5")):
+                call(soft)
+        else:
+            (told,) = said(lambda call=call: call(soft))  # type: ignore[misc]
+            assert told.startswith(f"{name} has other values than 0 and 120")
+            assert told.endswith("give mask > 65")
+        for mask in (soft > 65, soft != 0, (soft != 0) * np.int8(-1)):
+            assert said(lambda call=call, mask=mask: call(mask)) == []  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("bad", [-0.5, np.nan, np.inf, -np.inf])
+def test_numbers_that_are_no_light_have_a_way_out(bad: float) -> None:
+    ideal = half(np.full(SHAPE, bad, np.float32), RAMP)
+    ideal[-1, -1] = -1
+    for _ in range(2):
+        with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
+            clspeckle.simulate(ideal)
+        advice = re.search(r"; (np\.\w+\(.*?\)) sets", str(refused.value))
+        assert advice
+        ideal = eval(advice[1], {"np": np, "ideal": ideal})
+        if np.isfinite(ideal).all() and (ideal >= 0).all():
+            break
+    assert said(lambda: clspeckle.simulate(ideal, exposure_gain_dn=300.0)) == []

@@ -352,7 +352,7 @@ TEST_F(Depth, BadDescriptions) {
     refuses("black_level_dn", &D::black_level_dn, test::bad());
     refuses("saturation_dn", &D::saturation_dn, test::bad());
     refuses("epipolar_tolerance_px", &D::epipolar_tolerance_px, test::bad({0}));
-    refuses("relative_diameter", &D::relative_diameter, test::bad({1e-4}));
+    refuses("relative_diameter", &D::relative_diameter, test::bad({1e-4, 1.1e3}));
     refuses("speckle_contrast", &D::speckle_contrast, test::bad({1.001}));
     refuses("min_confidence", &D::min_confidence, test::bad({1}));
     std::vector<double> wrong = directions;

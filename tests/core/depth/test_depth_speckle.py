@@ -103,6 +103,7 @@ def test_a_lens_that_is_not_told_is_missed(context):
         ({"relative_diameter": -1.0}, "relative_diameter"),
         ({"relative_diameter": 1e-4}, "relative_diameter"),
         ({"relative_diameter": np.inf}, "relative_diameter"),
+        ({"relative_diameter": 1e9}, "relative_diameter"),
         ({"speckle_contrast": 1.01}, "speckle_contrast"),
         ({"speckle_contrast": np.nan}, "speckle_contrast"),
     ],

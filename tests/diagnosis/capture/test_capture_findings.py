@@ -510,6 +510,9 @@ def test_odd_places_are_named_and_a_mask_leaves_them_out(cli: Cli, found, tmp_pa
     assert found(arrays, camera, mask=name) == [], "what was masked misleads nothing"
     again = cli("capture", "check", "set", "--write-mask", f"set/{name}", code=1).stderr
     assert "exists; choose another name with --write-mask" in again
+    for other in ("mask.jpg", "mask"):
+        told = cli("capture", "check", "set", "--write-mask", other, code=1).stderr
+        assert f"--write-mask {other}: the file is written as .png" in told and not (tmp_path / other).exists()
 
 
 @pytest.mark.parametrize("names", [("board_static",), ("board_moving",), ("dots_static",), ("dots_moving",)], ids=str)
@@ -624,6 +627,51 @@ def test_a_staircase_is_steps_and_a_smooth_drift_is_none(found) -> None:
     assert lit(np.ones(18)) == []
 
 
+TIMES = np.arange(16)
+FLUCTUATIONS = {
+    "drift": 1 + 0.02 * TIMES,
+    "settles": 1 - 0.3 * np.exp(-TIMES / 3),
+    "three_levels": np.choose(TIMES % 3, [1.0, 0.7, 0.4]),
+    "flicker": 1 + 0.2 * np.sin(2 * np.pi * TIMES / 5),
+    "hunting": 1 + 0.3 * np.exp(-TIMES / 4) * np.cos(TIMES),
+    "sawtooth": 1 + 0.1 * (TIMES % 4),
+}
+
+
+@pytest.mark.parametrize("scene", ["flat", "board_static"])
+@pytest.mark.parametrize("course", FLUCTUATIONS)
+def test_a_level_that_goes_up_and_down_is_told_with_its_frames(found, course: str, scene: str) -> None:
+    """Drifts of resting speckle, too, of which no small one is told: it may boil."""
+    arrays, camera = recorded(17, frames=16)
+    by = FLUCTUATIONS[course]
+    arrays[scene] = np.clip(np.rint(64 + (arrays[scene] - 64.0) * by[:, None, None]), 0, 1023)
+    (warning,) = [w for w in found(arrays, camera) if w["kind"].startswith("level_")]
+    assert warning["sequence"] == scene
+    if warning["kind"] == "level_fluctuates":
+        np.testing.assert_allclose(by[warning["frames"]], [by.min(), by.max()], rtol=1e-9)
+    else:
+        assert scene == "flat" and warning["kind"] == "level_drifts"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_boiling_and_moving_speckle_fluctuate_by_themselves(found, seed: int) -> None:
+    """Fields that are half new each frame, on so few pixels that the level goes by a tenth."""
+    random = np.random.default_rng(seed)
+    arrays, camera = recorded(18, frames=16, shape=(24, 32))
+    shape, frames = (24, 32), []
+    field = random.normal(size=shape) + 1j * random.normal(size=shape)
+    pupil = np.hypot(np.fft.fftfreq(24)[:, None], np.fft.fftfreq(32)[None, :]) < 0.275
+    for _ in range(16):
+        field = np.sqrt(0.5) * (field + random.normal(size=shape) + 1j * random.normal(size=shape))
+        frames.append(np.abs(np.fft.ifft2(np.fft.fft2(field) * pupil)) ** 2)
+    light = 130 * np.stack(frames) / np.mean(frames)
+    codes = np.clip(np.rint(64 + light + random.normal(size=light.shape) * 4), 0, 1023)
+    assert np.ptp(codes.mean((1, 2))) > 10
+    for name in ("board_static", "board_moving"):
+        told = found({"dark": arrays["dark"], name: codes}, camera)
+        assert "level_fluctuates" not in kinds(told)
+
+
 # --- Masks, clipping ---
 
 
@@ -636,7 +684,7 @@ def test_a_mask_with_soft_edges(cli: Cli, found, tmp_path: Path) -> None:
     warnings = found(arrays, camera, mask="mask.png")
     assert kinds(warnings) == ["mask"], "once for all sequences"
     advice = re.search(r"of two values, (numpy\.where.*)$", warnings[0]["text"])
-    assert advice and "144 pixels are between 0 and 255" in warnings[0]["text"]
+    assert advice and "144 pixels are neither 0 nor 255" in warnings[0]["text"]
     iio.imwrite(tmp_path / "set" / "mask.png", eval(advice[1], {"numpy": np, "mask": mask}))
     assert found(arrays, camera, mask="mask.png") == []
 

@@ -307,6 +307,10 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     if high == 1.0 and low <= smallest and largest < math.inf:
         codes = largest <= 255 and bool((image == np.floor(image)).all())
         advice = f"; {name} / 255 brings codes of 8 bits there" if codes else f"; np.minimum({name}, 1) cuts them at 1"
+    elif (image < low).any() and low == 0.0:
+        advice = f"; np.maximum({name}, 0) sets negative numbers to 0"
+    if not np.isfinite(image).all():
+        advice += f"; np.where(np.isfinite({name}), {name}, 0) sets NaN and infinite ones to 0"
     raise errors.InvalidDataError(f"{name} must hold {expected}; {places(bad)}, value {value}, out of that{advice}")
 
 
@@ -384,9 +388,12 @@ def mask_plane(value: Any, name: str, shape: tuple[int | None, int | None]) -> n
     """A mask of bool or integers as uint8, 1 where it is not 0."""
     given = array(value, name)
     if given.dtype.kind not in "biu":
-        raise errors.InvalidFormatError(f"{name} has dtype {given.dtype}, expected a mask of bool or integers")
+        raise errors.InvalidFormatError(
+            f"{name} has dtype {given.dtype}, expected a mask of bool or integers; give mask != 0, or mask > 0.5"
+        )
     given = one_image(given, name)
     check_shape(given, name, shape)
+    _doubts.of_mask(given, name)
     if given.dtype == np.uint8:
         return np.ascontiguousarray(given)
     return np.ascontiguousarray(given != 0).view(np.uint8)

@@ -70,6 +70,19 @@ def _grid(plane: npt.NDArray[Any]) -> list[list[float]]:
     return numbers
 
 
+def of_mask(mask: npt.NDArray[Any], name: str) -> None:
+    """Masks with several values beside 0, as soft edges have them: all of them count."""
+    if mask.dtype.kind == "b" or mask.size == 0:
+        return
+    most = mask.max() or mask.min()
+    if not ((mask == 0) | (mask == most)).all():
+        half = (int(mask[mask != 0].min()) + int(most)) / 2
+        warn(
+            f"{name} has other values than 0 and {most}, as of a soft edge: all but 0 count; if they are not to, give "
+            f"mask > {half:g}"
+        )
+
+
 def of_depth(depth: npt.NDArray[np.float32], name: str) -> None:
     """Depths that are in another unit than metres, or no surface anywhere."""
     flat = depth.reshape(-1)
