@@ -433,7 +433,6 @@ std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &capture, st
                                                 const SequenceScan &scan, double dark_level_dn) {
     constexpr double kLeastSpread = 0.1;     // of the light
     constexpr double kSpeckleScatters = 8.0; // that a mean over speckle does not reach
-    constexpr double kPi = 3.14159265358979323846;
     const SequenceLayout &layout = capture.sequences[sequence];
     if (layout.scene == CaptureScene::kDark || layout.frame_count < kLeastFrames || scan.pixels == 0)
         return std::nullopt;
@@ -445,7 +444,7 @@ std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &capture, st
         // Independent speckles of the frame. Fresh ones scatter by the contrast; resting ones by what changed from
         // frame to frame, noise included, which may add up.
         const double diameter = capture.pixel_pitch_m / (capture.wavelength_m * capture.f_number);
-        const double speckles = double(scan.pixels) * std::min(1.0, kPi / 4.0 * diameter * diameter);
+        const double speckles = double(scan.pixels) * std::min(1.0, M_PI / 4.0 * diameter * diameter);
         const double variance =
             layout.moving
                 ? std::pow(light * *std::max_element(seen.contrasts.begin(), seen.contrasts.end()), 2.0)

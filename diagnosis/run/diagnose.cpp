@@ -427,6 +427,15 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             }
         }
     }
+    // A scene with such frames is not explained, whatever its statistics say.
+    for (const CaptureWarning &change : result.frame_changes)
+        for (const SequenceLayout &sequence : runner.layout().sequences)
+            for (RungResult &rung : result.rungs)
+                if (sequence.name == change.sequence && sequence.scene == rung.scene) {
+                    rung.verdict = Verdict::kUnknown;
+                    rung.p_value = with_changes(rung.p_value);
+                    rung.residual_p_value = with_changes(rung.residual_p_value);
+                }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
     result.emva = std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));

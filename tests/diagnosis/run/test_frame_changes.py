@@ -51,6 +51,9 @@ def test_a_scene_that_changes_half_way_is_a_gap(tmp_path: Path, change: str) -> 
     assert f"at frame {half}:" in changes[0]["text"]
     assert report["gap"]["detected"] and report["gap"]["p_value"] <= 1e-6
     assert report["cause"]["verdict"] == "unknown" and report["shrink"]["residual_detected"]
+    rungs = {rung["rung"]: rung for rung in report["cause"]["rungs"]}
+    assert rungs["board"]["verdict"] == "unknown" and rungs["board"]["residual_p_value"] <= 1e-6
+    assert rungs["dark"]["verdict"] == "none"
 
 
 @pytest.mark.parametrize("change", ["drift", "step"])
