@@ -50,12 +50,16 @@ void Aperture::configure(const ApertureParameters &p) {
     check_fraction(p.degree_of_polarization, "degree_of_polarization");
     check_fraction(p.fill_factor, "fill_factor");
     if (diameter > grid_.oversampling)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the relative diameter D is {} cycles per pixel, but a grid with oversampling {} "
-                                "carries at most {}; set "
-                                "oversampling to {} or more (at most {}), or use a larger f_number",
-                                diameter, grid_.oversampling, grid_.oversampling,
-                                static_cast<std::uint64_t>(std::ceil(std::min(diameter, 1e9))), kMaxOversampling));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the relative diameter D is {} cycles per pixel, but a grid with oversampling {} carries at "
+                        "most {}; ",
+                        diameter, grid_.oversampling, grid_.oversampling) +
+                (diameter > kMaxOversampling
+                     ? fmt::format("no grid carries more than {}: use a larger f_number, or a smaller pixel pitch",
+                                   kMaxOversampling)
+                     : fmt::format("set oversampling to {} or more (at most {}), or use a larger f_number",
+                                   static_cast<std::uint32_t>(std::ceil(diameter)), kMaxOversampling)));
     const Pupil pupil = make_pupil(p.pupil, grid_, diameter);
     const bool is_complex = !pupil.phase_turns.empty();
     DeviceBuffer pupil_buffer;

@@ -306,7 +306,8 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
         refuses("wavelength_m", [&](D &d) { d.relative_diameter = 0, d.wavelength_m = bad; });
     }
     // D above what the grid carries; the message says what to do.
-    refuses("oversampling", &D::relative_diameter, {1.01});
+    refuses("set oversampling to 2 or more", &D::relative_diameter, {1.01});
+    refuses("no grid carries more than 8: use a larger f_number", &D::relative_diameter, {8.01});
     refuses("oversampling", [](D &d) { d.relative_diameter = 2.5, d.oversampling = 2; });
     refuses("oversampling", [](D &d) { d.relative_diameter = 0, d.f_number = 2.8; }); // D = 1.10
     refuses("soft_rim", &D::soft_rim, test::bad({-0.1, 1.1}));
