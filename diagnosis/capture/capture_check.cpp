@@ -90,12 +90,6 @@ CaptureSummary summarize_capture(const Capture &capture) {
             summary.frame_changes.push_back(std::move(change));
     }
     summary.warnings = capture_warnings(capture, told_of, dark, seen, summary.frame_changes);
-    for (std::size_t i = 0; i < scans.size(); ++i)
-        if (std::none_of(summary.frame_changes.begin(), summary.frame_changes.end(), [&](const SequenceChange &change) {
-                return change.sequence == capture.layout.sequences[i].name;
-            }))
-            if (auto warning = level_fluctuation(capture.layout, i, told_of[i], dark.level_dn))
-                summary.warnings.push_back(std::move(*warning));
     return summary;
 }
 

@@ -158,6 +158,12 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
     for (CaptureWarning &warning : pixel_warnings(capture.layout, scans, dark))
         warnings.push_back(std::move(warning));
     warnings.insert(warnings.end(), frame_changes.begin(), frame_changes.end());
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        if (std::none_of(frame_changes.begin(), frame_changes.end(), [&](const SequenceChange &change) {
+                return change.sequence == capture.layout.sequences[i].name;
+            }))
+            if (auto warning = level_fluctuation(capture.layout, i, scans[i], dark.level_dn))
+                warnings.push_back(std::move(*warning));
     for (CaptureWarning &warning : metadata_warnings(capture, scans, summaries, dark, frame_changes))
         warnings.push_back(std::move(warning));
     return warnings;

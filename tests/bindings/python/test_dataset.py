@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import errno
+import fcntl
 import hashlib
 import json
 import logging
@@ -438,7 +439,7 @@ def test_a_file_system_without_locks_is_told(
     def no_locks(_file: int, _how: int) -> None:
         raise OSError(errno.EOPNOTSUPP, "Operation not supported")
 
-    monkeypatch.setattr(shard_files.fcntl, "flock", no_locks)
+    monkeypatch.setattr(fcntl, "flock", no_locks)
     dataset.write(recipe(ideal), tmp_path / "set", count=1)
     assert "its file system has no locks" in caplog.text
     assert sorted(file.name for file in (tmp_path / "set").iterdir()) == ["dataset.json", "shard-000000.tar"]

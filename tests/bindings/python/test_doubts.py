@@ -318,7 +318,7 @@ def test_what_is_advised_of_planes_helps() -> None:
     cut = (OBLIQUE * 0.9).astype(np.int8)
     assert "shorter than 0.5" in of_geometry(normal=cut)[0]
     position = np.dstack([*np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0])), DEPTH])
-    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
+    camera = pipeline()
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=OBLIQUE))) == []
     assert "face away" in said(lambda: camera.render(clspeckle.Geometry(position=position, normal=-OBLIQUE)))[0]
 
@@ -366,7 +366,7 @@ def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> No
     x, y = np.meshgrid(np.linspace(-0.4, 0.4, SHAPE[1]), np.linspace(-0.3, 0.3, SHAPE[0]))
     position = half(np.dstack([x, y, DEPTH]), nothing)
     normal = half(FACING, 0)
-    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
+    camera = pipeline()
     assert said(lambda: camera.render(clspeckle.Geometry(position=position, normal=normal))) == []
     files = ["--position", "position.npy", "--normal", "normal.npy"]
     planes = {"position": position, "texels": TEXELS}
@@ -738,7 +738,7 @@ def test_the_program_and_python_take_the_same_arrays_as_codes(tmp_path: Path, la
 
 
 def test_each_cause_is_told_once_for_a_line_of_code() -> None:
-    camera = clspeckle.Pipeline.from_parameters(SHAPE, seed=3, exposure_gain_dn=300)
+    camera = pipeline()
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("default")
         for frame in range(4):
