@@ -77,7 +77,7 @@ TEST_F(Formats, ErrorsNameWhatIsReadHere) {
                                "JPEG, BMP, TGA and raw are"),
               std::string::npos);
     image_io::add_openexr();
-    EXPECT_NE(refused(exr).find("a.exr: is truncated or damaged"), std::string::npos);
+    EXPECT_NE(refused(exr).find("a.exr: is truncated"), std::string::npos);
     const std::string pgm = file("b.pgm", "P5 1 1 255 x");
     EXPECT_EQ(refused(pgm, {"Y"}), "");
     EXPECT_EQ(refused(pgm + ":Y"), "");
