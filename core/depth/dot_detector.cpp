@@ -57,8 +57,8 @@ void check(const DotDetectorParameters &p) {
 // Averaging over pixels leaves it as it is. The area is the inverse of the pupil's (Goodman, Speckle Phenomena in
 // Optics, 2007, section 4.5).
 double speckle_area(const DotDetectorParameters &p) {
-    const double pi = M_PI, d = p.relative_diameter, c = p.speckle_contrast;
-    return d > 0.0 ? 4.0 * c * c / (pi * d * d) : 0.0;
+    const double d = p.relative_diameter, c = p.speckle_contrast;
+    return d > 0.0 ? 4.0 * c * c / (M_PI * d * d) : 0.0;
 }
 
 template <typename T>
