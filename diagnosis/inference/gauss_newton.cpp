@@ -73,7 +73,8 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
             std::vector<Eigen::Index> unknown;
             for (Eigen::Index p = 0; p < parameters; ++p) {
                 const std::size_t k = static_cast<std::size_t>(p);
-                if (round == 0 && k < known.size() && known[k].size())
+                // What stays has the slope that it had.
+                if ((round == 0 || model.strengths[k].held) && k < known.size() && known[k].size())
                     now.jacobian.col(p) = known[k];
                 else
                     unknown.push_back(p);

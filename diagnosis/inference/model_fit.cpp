@@ -24,6 +24,19 @@ std::string label(const EffectSettings &effects) {
 
 } // namespace
 
+std::vector<Eigen::VectorXd> known_changes(const FittedModel &fitted, const EffectModel &of_fitted,
+                                           const EffectModel &model, bool held) {
+    std::vector<Eigen::VectorXd> known(model.strengths.size());
+    for (std::size_t p = 0; p < model.strengths.size(); ++p)
+        for (std::size_t q = 0; q < of_fitted.strengths.size(); ++q)
+            if ((model.strengths[p].held || !held) &&
+                model.strengths[p].parameter == of_fitted.strengths[q].parameter &&
+                model.effects[model.strengths[p].effect].candidate ==
+                    of_fitted.effects[of_fitted.strengths[q].effect].candidate)
+                known[p] = fitted.jacobian.col(static_cast<Eigen::Index>(q));
+    return known;
+}
+
 void ModelFit::replicate(Replicates &replicates, std::uint32_t count, double from, double to) const {
     const std::string what = "simulating " + (replicates.effects.empty() ? "the baseline" : label(replicates.effects));
     const std::size_t first = replicates.draws.size();
@@ -104,8 +117,8 @@ double ModelFit::gain_over(const FittedModel &before, const FittedModel &after) 
 }
 
 // The baseline's light that leaves at one border comes in at the other, and its pupil is as coarse as the image's sides
-// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every model
-// where it is no chance.
+// leave it (protocol); cameras' are not. By how much the statistics differ, or scatter more, is the error of every
+// model where it is no chance.
 Eigen::VectorXd ModelFit::border_error(const Replicates &replicates, double from, double to) const {
     const Eigen::Index count = static_cast<Eigen::Index>(runner_.count());
     Eigen::VectorXd result = Eigen::VectorXd::Zero(count);
@@ -180,18 +193,15 @@ FittedModel ModelFit::fit(EffectModel &model, Pool &pool, const FitOptions &want
     options.seed = options_.seed;
     options.seeds = options_.pool_seeds;
     // What is known is of another strength.
-    const bool alone = model.strengths.size() == 1 && wanted.known.cols() == 0;
+    const bool alone = model.strengths.size() == 1 && (wanted.known.empty() || wanted.known.front().size() == 0);
     options.rounds = wanted.near || alone ? 1 : kFit.rounds;
     options.secant_rounds = kFit.secant_rounds;
     options.part = wanted.part;
     options.near = wanted.part * kStrengths.near;
     options.far = wanted.part * kFit.far;
     options.strongest = strongest_;
-    std::vector<Eigen::VectorXd> columns;
-    for (Eigen::Index p = 0; p < wanted.known.cols(); ++p)
-        columns.push_back(wanted.known.col(p));
     const Origin baseline{baseline_.full(), baseline_pool_};
-    GaussNewtonFit reached = gauss_newton(runner_, model, origin ? *origin : baseline, columns, options,
+    GaussNewtonFit reached = gauss_newton(runner_, model, origin ? *origin : baseline, wanted.known, options,
                                           [&](Eigen::Index p) { report(wanted.from, "fitting " + model.id_of(p)); });
     FittedModel fitted;
     if (reached.square > wanted.worth)
@@ -254,8 +264,8 @@ void ModelFit::polish(EffectModel &model, Pool &pool, FittedModel &fitted, doubl
         model.strengths[p].held = before[p].held;
 }
 
-bool ModelFit::replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start,
-                       const FitOptions &options) {
+bool ModelFit::replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, FitOptions options) {
+    options.known = known_changes(fitted, model, start, true);
     Pool own;
     FittedModel again;
     const Origin origin{fitted.model.full(), pool};
@@ -337,6 +347,10 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     if (replicates.draws.size() >= count)
         return;
     replicate(replicates, count, from, to);
+    judge_by(fitted, std::move(replicates));
+}
+
+void ModelFit::judge_by(FittedModel &fitted, Replicates replicates) const {
     fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian,
                             with_unexplained(model_error(fitted)));
     const Covariance &covariance = fitted.model.full();
@@ -346,6 +360,26 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(runner_.real());
     fitted.score = held_out(fitted) + 4.0 * fitted.model.fold().deviation().array().log().sum();
+}
+
+FittedModel ModelFit::part_of(const FittedModel &whole, const Pool &pool, const EffectModel &part) {
+    FittedModel fitted;
+    fitted.effects = part.settings();
+    report(0.0, "simulating " + label(fitted.effects));
+    const auto count = static_cast<Eigen::Index>(part.strengths.size());
+    fitted.jacobian = whole.jacobian.leftCols(count);
+    fitted.columns = part.strengths;
+    fitted.part = whole.part;
+    const Pool of_part = simulate_pool(runner_, fitted.effects, options_.seed, options_.pool_seeds);
+    fitted.change = of_part.mean(options_.pool_seeds) - baseline_pool_.mean(options_.pool_seeds);
+    const Eigen::VectorXd without_others = of_part.mean(options_.pool_seeds) - pool.mean(options_.pool_seeds);
+    Replicates replicates{fitted.effects, of_part.levels, whole.model.replicates().draws};
+    for (FoldStatistics &draw : replicates.draws) {
+        draw.first += without_others;
+        draw.second += without_others;
+    }
+    judge_by(fitted, std::move(replicates));
+    return fitted;
 }
 
 void ModelFit::judge_by_all(FittedModel &fitted) const {

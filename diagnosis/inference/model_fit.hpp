@@ -46,6 +46,10 @@ struct FittedModel {
     double score = 0.0;            // held-out squared distance plus log determinant; smaller is better
 };
 
+// Of each strength of `model` that a fitted one has, too, the changes by it; held: of those alone that stay.
+std::vector<Eigen::VectorXd> known_changes(const FittedModel &fitted, const EffectModel &of_fitted,
+                                           const EffectModel &model, bool held = false);
+
 using Progress = std::function<void(const std::string &what, double fraction)>;
 
 // The two halves' differences from a model.
@@ -54,13 +58,13 @@ struct Differences {
     Eigen::VectorXd mean() const { return 0.5 * (first + second); }
 };
 
-// What a fit may go by. known: the changes by the model's first parameters when they were last fitted, for the first
-// round; may have no columns. replicates: that many judge the model, or all that the options of the search say where
+// What a fit may go by. known: by strength, the changes when it was last fitted, for the first round, and where it is
+// held for all; may be empty, as may each. replicates: that many judge the model, or all that the options of the search say where
 // they leave a doubt.
 struct FitOptions {
     std::uint32_t replicates = 0;
     double from = 0.0, to = 0.0; // of the progress
-    Eigen::MatrixXd known = {};
+    std::vector<Eigen::VectorXd> known = {};
     bool near = false;    // the strengths are near the right ones: one round with changes of its own does
     double part = 1.0;    // of the usual finite differences
     double worth = 1e300; // a fit that leaves a larger squared distance, by its origin's covariance, is not judged
@@ -105,6 +109,9 @@ class ModelFit {
     void confirm(FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
+    // The first effects of a model, as they are in it, whose pool is `pool`: its replicates, moved by what the others
+    // change. To show how the gap shrinks; nothing is chosen by it.
+    FittedModel part_of(const FittedModel &whole, const Pool &pool, const EffectModel &part);
     // By all statistics, also those that fits were spared. The fit stays.
     void judge_by_all(FittedModel &fitted) const;
     // The parameters of a fit and their intervals: by changes from more random numbers than its strengths were fitted
@@ -152,7 +159,9 @@ class ModelFit {
     // The squared distance that another fit may leave at the most to take this one's place.
     double worth_replacing(const FittedModel &fitted) const;
     // A fit that starts from another's pool takes its place, with model and pool, if it is better.
-    bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, const FitOptions &options);
+    bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, FitOptions options);
+    // The rest of a fit.
+    void judge_by(FittedModel &fitted, Replicates replicates) const;
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
 

@@ -26,7 +26,7 @@ struct Refined {
     const Candidate *candidate;
     double sign = 1.0;
     double strength = 0.5;
-    double gain = 0.0; // screening, then held-out
+    double gain = 0.0;  // screening, then held-out
     double share = 0.0; // of the squared distance, by screening
     bool fitted = false;
     std::vector<bool> concerned;
@@ -164,7 +164,7 @@ class Search {
     bool is_large() const { return begin_excess_ > kScreening.large * static_cast<double>(runner_.count()); }
 
     double begin_excess_ = 0.0;
-    int swaps_ = 0; // that were tried while effects were added
+    int swaps_ = 0;        // that were tried while effects were added
     bool patient_ = false; // first effects are screened along lines in any case, and more of them get a fit
     std::vector<ScreenedEffect> screened_;
     ReplicateRunner &runner_;
@@ -487,7 +487,7 @@ bool Search::grow(SearchState &state, const FittedModel &current, double from, d
         options.replicates = fits_.few_replicates();
         options.from = begin;
         options.to = begin + 0.6 * share / fits_.options().finalists;
-        options.known = current.jacobian;
+        options.known = known_changes(current, state.model, with);
         if (!possible([&] { fitted = fits_.fit(with, own, options, &origin); }) || fitted.effects.empty())
             continue;
         finalists.push_back(&candidate);
@@ -677,7 +677,7 @@ SearchResult Search::result() {
     SearchResult result;
     if (!state_.models.empty()) {
         if (fits_.options().whole) {
-            complete(fits_, state_, baseline_, kEnd);
+            complete(fits_, state_, baseline_);
             fits_.measure_parameters(state_.models.back(), state_.model, kEnd);
             include_other_forms(state_);
         }

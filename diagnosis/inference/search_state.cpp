@@ -2,20 +2,13 @@
 
 namespace clsp {
 
-void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline, double at) {
-    const Eigen::MatrixXd &jacobian = state.models.back().jacobian;
+void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline) {
     for (std::size_t n = 0; n + 1 < state.models.size(); ++n) {
         if (!state.models[n].effects.empty())
             continue;
-        EffectModel part = state.model.first(n + 1);
-        Pool pool;
-        FitOptions options;
-        options.replicates = fits.few_replicates();
-        options.from = options.to = at;
-        options.known = jacobian.leftCols(static_cast<Eigen::Index>(part.strengths.size()));
-        options.near = true; // to show how the gap shrinks; nothing is chosen by it
         // What cannot be simulated without those that come after it does nothing without them.
-        if (!possible([&] { state.models[n] = fits.fit(part, pool, options); }))
+        if (!possible(
+                [&] { state.models[n] = fits.part_of(state.models.back(), state.pool, state.model.first(n + 1)); }))
             state.models[n] = n ? state.models[n - 1] : baseline;
         state.steps[n].residual = state.models[n].residual;
     }

@@ -31,7 +31,7 @@ struct SearchState {
 // A model may have that many effects: slight ones, which are not named, take nobody's place.
 std::size_t most_effects(const ModelFit &fits, const SearchState &state);
 
-// Fits those of a state's models that are missing.
-void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline, double at);
+// Makes those of a state's models that are missing.
+void complete(ModelFit &fits, SearchState &state, const FittedModel &baseline);
 
 } // namespace clsp

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <utility>
 
@@ -145,13 +146,6 @@ double worth_of(const ModelFit &fits, double now) {
 GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const EffectModel &model,
                          const SearchState &state, double now) {
     const FittedModel &start = state.models.back();
-    std::vector<Eigen::VectorXd> known(model.strengths.size());
-    for (std::size_t p = 0; p < model.strengths.size(); ++p)
-        for (std::size_t q = 0; q < state.model.strengths.size(); ++q)
-            if (model.strengths[p].parameter == state.model.strengths[q].parameter &&
-                model.effects[model.strengths[p].effect].candidate ==
-                    state.model.effects[state.model.strengths[q].effect].candidate)
-                known[p] = start.jacobian.col(static_cast<Eigen::Index>(q));
     GaussNewtonOptions options;
     options.seed = fits.options().seed;
     options.seeds = kFit.search_seeds;
@@ -160,7 +154,8 @@ GaussNewtonFit quick_fit(ReplicateRunner &runner, const ModelFit &fits, const Ef
     options.strongest = fits.strongest();
     options.give_up_square = kSwap.give_up * now;
     options.least_gain = kSwap.least_round_gain;
-    return gauss_newton(runner, model, {start.model.full(), state.pool}, known, options, {});
+    return gauss_newton(runner, model, {start.model.full(), state.pool}, known_changes(start, state.model, model),
+                        options, {});
 }
 
 // A move, the model with it, and the squared distance that a quick fit leaves.
@@ -237,17 +232,17 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
     return result;
 }
 
-// A state that is better by a gain.
-struct Better {
+// A state after a move, and what it is better by; less than 0: what it is worse by.
+struct Moved {
+    const Move *move;
     SearchState state;
     double gain;
 };
 
-// The state after a move, if it is better; else the move's effect may be noted as a rival. explained: nothing is left
-// to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what is as
-// the catalogue has it.
-std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
-                            double at) {
+// The state after a move; nothing where the simulator refuses it, or what it leaves is not worth being judged.
+// explained: nothing is left to be gained.
+std::optional<Moved> moved(ModelFit &fits, SearchState &state, const Move &move, EffectModel model, bool explained,
+                           double at) {
     FittedModel &whole = state.models.back();
     SearchState other;
     other.given = state.given;
@@ -265,6 +260,7 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     options.replicates = fits.options().model_replicates;
     options.from = options.to = at;
     options.near = true;
+    options.known = known_changes(whole, state.model, other.model, true);
     options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
     if (!possible([&] { fitted = fits.fit(other.model, other.pool, options, &origin); }) || fitted.effects.empty())
         return {};
@@ -280,11 +276,6 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
         // Both have the capture's noise, so what their covariances differ by is chance.
         gain = fits.gain_by_common(whole, fitted) + state.model.unlikelihood(move.place) -
                other.model.unlikelihood(other.model.effects.size() - 1);
-    }
-    if (gain < (explained ? 0.0 : kGrowth.least_gain)) {
-        if (move.place < state.steps.size())
-            note_rival(state.steps[move.place], move.candidate->id, fitted, -gain);
-        return {};
     }
     RankedEffect ranked;
     ranked.effect = move.candidate->id;
@@ -314,20 +305,42 @@ std::optional<Better> moved(ModelFit &fits, SearchState &state, const Move &move
     other.models = models_until(state, begin, other.steps.size());
     other.steps.back().residual = fitted.residual;
     other.models.back() = std::move(fitted);
-    return Better{std::move(other), gain};
+    return Moved{&move, std::move(other), gain};
 }
 
-// Makes the best of some moves by their own replicates; false if none is better than what is there.
+// Makes the best of some moves by their own replicates; false if none is better than what is there. explained: nothing
+// is left to be gained. Then the likelier is better, however little, as no parameter comes to it; and likelier is what
+// is as the catalogue has it.
 bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves, bool explained, double at) {
-    std::optional<Better> best;
+    std::vector<Moved> tried;
     for (Promising &one : moves)
-        if (std::optional<Better> other = moved(fits, state, *one.move, std::move(one.model), explained, at);
-            other && (!best || other->gain > best->gain))
-            best = std::move(other);
-    if (!best)
-        return false;
-    state = std::move(best->state);
-    return true;
+        if (std::optional<Moved> other = moved(fits, state, *one.move, std::move(one.model), explained, at))
+            tried.push_back(std::move(*other));
+    const auto best =
+        std::max_element(tried.begin(), tried.end(), [](const Moved &a, const Moved &b) { return a.gain < b.gain; });
+    const bool better = best != tried.end() && best->gain >= (explained ? 0.0 : kGrowth.least_gain);
+    SearchState &kept = better ? best->state : state;
+    for (const Moved &one : tried) {
+        const std::size_t place = one.move->place;
+        if (place >= state.steps.size() || (better && &one == &*best))
+            continue;
+        // What stands there now is what it has lost against.
+        const bool lost = better && place == best->move->place;
+        const double behind = (lost ? best->gain : 0.0) - one.gain;
+        const auto step = lost ? std::prev(kept.steps.end())
+                               : std::find_if(kept.steps.begin(), kept.steps.end(), [&](const SearchStep &of_kept) {
+                                     return of_kept.added == state.steps[place].added;
+                                 });
+        if (behind > 0.0 && step != kept.steps.end())
+            note_rival(*step, one.move->candidate->id, one.state.models.back(), behind);
+        if (lost)
+            kept.screened.erase(one.move->candidate);
+    }
+    if (better) {
+        SearchState next = std::move(best->state);
+        state = std::move(next);
+    }
+    return better;
 }
 
 // The squared distance that is lost at once with an effect, as far as the others' strengths do not make up for it.
@@ -430,7 +443,7 @@ void prune(ModelFit &fits, SearchState &state, double at) {
             FitOptions options;
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
-            options.known = columns_without(state, out);
+            options.known = known_changes(whole, state.model, others);
             options.worth = now + kSwap.least_needed;
             fitted = fits.fit(others, pool, options, &origin);
             if (!fitted.effects.empty())

@@ -70,6 +70,20 @@ static inline lanes_u lane_numbers(void) {
     return vload_lanes(0, numbers);
 }
 
+// Whether a comparison holds in any lane. PoCL's any() and all() look at two lanes after the other.
+static inline bool holds_anywhere(lanes_i comparison) {
+#if LANES == 16
+    const int8 eight = comparison.lo | comparison.hi;
+    const int4 four = eight.lo | eight.hi;
+#elif LANES == 8
+    const int4 four = comparison.lo | comparison.hi;
+#else
+    const int4 four = comparison;
+#endif
+    const int2 two = four.lo | four.hi;
+    return (two.x | two.y) != 0;
+}
+
 // count of LANES numbers side by side: of the last strip only those that there are.
 static inline lanes_f load_some(__global const float *from, uint count) {
     if (count == LANES)

@@ -7,20 +7,6 @@ typedef struct {
     lanes_f x, y, z;
 } lanes_3;
 
-// Whether a comparison holds in any lane. PoCL's any() and all() look at two lanes after the other.
-static inline bool holds_anywhere(lanes_i comparison) {
-#if LANES == 16
-    const int8 eight = comparison.lo | comparison.hi;
-    const int4 four = eight.lo | eight.hi;
-#elif LANES == 8
-    const int4 four = comparison.lo | comparison.hi;
-#else
-    const int4 four = comparison;
-#endif
-    const int2 two = four.lo | four.hi;
-    return (two.x | two.y) != 0;
-}
-
 static inline lanes_f dots_of(lanes_f ax, lanes_f ay, lanes_f az, const lanes_3 *b) { return ax * b->x + ay * b->y + az * b->z; }
 
 // pose times a vector, without its translation.

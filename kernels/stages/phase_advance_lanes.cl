@@ -38,7 +38,7 @@ static inline lanes_i load_mask(const strip_t *strip, __global const uchar *row)
 #if HAS_PATH || HAS_CORRELATION
 // Several samples and the padding share a pixel: what is wrong with it is counted once.
 static inline void report_lanes(const strip_t *strip, __global uint *bad, lanes_f values, lanes_i are_bad, uint y, uint pixel_y) {
-    if (!any(are_bad) || y != strip->oversampling * pixel_y)
+    if (!holds_anywhere(are_bad) || y != strip->oversampling * pixel_y)
         return;
     float each[LANES];
     int is_bad[LANES];
@@ -131,9 +131,9 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
             boiled_any |= keep[j] < 1.0f;
             moved_any |= moved[j];
         }
-        if (!any(crossed_any | boiled_any | moved_any))
+        if (!holds_anywhere(crossed_any | boiled_any | moved_any))
             continue;
-        const bool draws = any(replaced_any), crosses = any(crossed_any), boils = any(boiled_any);
+        const bool draws = holds_anywhere(replaced_any), crosses = holds_anywhere(crossed_any), boils = holds_anywhere(boiled_any);
         lanes_words4 phase, magnitude;
 #if BOILS
         lanes_words4 boil_phase, boil_magnitude;
@@ -171,7 +171,7 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
 #endif
             for (uint j = 0; j < 4; ++j) {
                 const uint y = row + j * quarter;
-                if (y >= grid_height || !any((step[j] != KEEP) | (keep[j] < 1.0f)))
+                if (y >= grid_height || !holds_anywhere((step[j] != KEEP) | (keep[j] < 1.0f)))
                     continue;
                 __global float *knot_a = state + knot_offset(samples, first, 0) + 2 * ((ulong)y * grid_width + x);
                 lanes_complex a, drawn;
@@ -212,7 +212,7 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
 #if PHASE_CONTINUOUS
         for (uint j = 0; j < 4; ++j) {
             const uint y = row + j * quarter;
-            if (y >= grid_height || !any(moved[j] | (step[j] != KEEP)))
+            if (y >= grid_height || !holds_anywhere(moved[j] | (step[j] != KEEP)))
                 continue;
             // (Where nothing moved, t is what it was.)
             const lanes_u path_end = draws ? select(t[j], words_of(&start, j), step[j] == REPLACE) : t[j];

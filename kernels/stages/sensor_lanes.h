@@ -63,18 +63,18 @@ static inline lanes_f exps(lanes_f x) {
 static inline lanes_f poissons(lanes_f mean, lanes_f w, lanes_u word) {
     const lanes_i is_small = mean < 12.0f;
     lanes_f count = SPREAD(0.0f);
-    if (any(is_small)) {
+    if (holds_anywhere(is_small)) {
         const lanes_f t = uniforms_from_words(word), low_mean = select(SPREAD(0.0f), mean, is_small);
         lanes_f probability = exps(-low_mean), above = 1.0f - probability;
         lanes_i goes_on = is_small & (t < above);
-        for (int k = 1; k < 41 && any(goes_on); ++k) {
+        for (int k = 1; k < 41 && holds_anywhere(goes_on); ++k) {
             probability *= low_mean * (1.0f / k);
             goes_on &= probability >= 0x1p-32f;
             count += select(SPREAD(0.0f), SPREAD(1.0f), goes_on);
             above -= probability;
             goes_on &= t < above;
         }
-        if (all(is_small))
+        if (!holds_anywhere(~is_small))
             return count;
     }
     const lanes_f root = sqrt(mean), per_root = 1.0f / root;

@@ -353,7 +353,7 @@ __kernel void cpu_rows_forward(FIELD_PARAMETERS,
         source.first += samples;
         ++source.polarization;
     }
-    if (any(worst > LARGEST_BITS) && polarization == 0)
+    if (holds_anywhere(worst > LARGEST_BITS) && polarization == 0)
         report_rows(&source);
 #if STREAM_LINES
     __sync_synchronize(); // such stores wait for nobody: here they end before the kernel does

@@ -92,7 +92,7 @@ class Swap : public testing::Test {
     }
     // Steps, models and effects say the same.
     static void expect_consistent(ModelFit &fits, SearchState state, const FittedModel &baseline) {
-        complete(fits, state, baseline, 0.0);
+        complete(fits, state, baseline);
         ASSERT_EQ(state.steps.size(), state.model.effects.size());
         ASSERT_EQ(state.models.size(), state.model.effects.size());
         for (std::size_t n = 0; n < state.steps.size(); ++n) {
