@@ -6,14 +6,15 @@
 // each frame; u = max(0, 1 + uneven_part uneven), of lamp or laser at a pixel.
 // optics: principal point (x, y), 1 / unit^2, corner loss. frame_stride: floats from one frame's intensity to the next one's, 0 where all
 // frames have the same. The frames lie one behind the other, densely. One work-item a pixel; the third dimension is the frame.
-__kernel void light_finish(__global const float *intensity, ulong frame_stride, __global const float *factor,
-                           __global const float *uneven, float uneven_part, float ambient, float4 optics, __global float *out, uint width, uint height) {
+__kernel void light_finish(__global const float *restrict intensity, ulong frame_stride, __global const float *restrict factor,
+                           __global const float *restrict uneven, float uneven_part, float ambient, float4 optics,
+                           __global float *restrict out, uint width, uint height) {
     const uint x = get_global_id(0), y = get_global_id(1), frame = get_global_id(2);
-    if (x >= width || y >= height)
-        return;
     const ulong pixel = (ulong)y * width + x;
     const float px = convert_float(x) - optics.x, py = convert_float(y) - optics.y;
+    float source = factor[frame];
+    if (uneven_part > 0.0f)
+        source *= fmax(0.0f, fma(uneven_part, uneven[pixel], 1.0f));
     out[(ulong)frame * width * height + pixel] =
-        fma(uneven_part > 0.0f ? factor[frame] * fmax(0.0f, fma(uneven_part, uneven[pixel], 1.0f)) : factor[frame],
-            intensity[frame * frame_stride + pixel], ambient) * vignetting(px, py, optics);
+        fma(source, intensity[frame * frame_stride + pixel], ambient) * vignetting(px, py, optics);
 }
