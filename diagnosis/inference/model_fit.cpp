@@ -347,12 +347,13 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     if (replicates.draws.size() >= count)
         return;
     replicate(replicates, count, from, to);
+    fitted.error = model_error(fitted);
     judge_by(fitted, std::move(replicates));
 }
 
 void ModelFit::judge_by(FittedModel &fitted, Replicates replicates) const {
     fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian,
-                            with_unexplained(model_error(fitted)));
+                            with_unexplained(fitted.error));
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kFit.largest_step).cwiseMin(kFit.largest_step);
@@ -378,6 +379,8 @@ FittedModel ModelFit::part_of(const FittedModel &whole, const Pool &pool, const 
         draw.first += without_others;
         draw.second += without_others;
     }
+    // As its scatter is the whole's, so that a step is measured as all are (shrinkage.cpp).
+    fitted.error = whole.error;
     judge_by(fitted, std::move(replicates));
     return fitted;
 }
@@ -385,8 +388,8 @@ FittedModel ModelFit::part_of(const FittedModel &whole, const Pool &pool, const 
 void ModelFit::judge_by_all(FittedModel &fitted) const {
     if (!unexplained_.size() || fitted.effects.empty())
         return;
-    fitted.model = GapModel(runner_, fitted.model.replicates(), options_.residual_level, fitted.jacobian,
-                            model_error(fitted), unexplained_);
+    fitted.model = GapModel(runner_, fitted.model.replicates(), options_.residual_level, fitted.jacobian, fitted.error,
+                            unexplained_);
     fitted.residual = fitted.model.test(runner_.real());
 }
 

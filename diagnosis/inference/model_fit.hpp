@@ -40,6 +40,7 @@ struct FittedModel {
     Eigen::MatrixXd jacobian;      // change of the statistics per unit of each strength
     std::vector<Strength> columns; // these strengths
     double part = 1.0;             // of the usual finite differences: the Jacobian's
+    Eigen::VectorXd error;         // standard deviation of the model's own error in each statistic
     Eigen::VectorXd change;        // of the mean statistics by the effects, without the correction
     Eigen::VectorXd step;          // of each strength: the last, linear one of the fit
     Eigen::VectorXd correction;    // of the mean, by that step
@@ -160,7 +161,7 @@ class ModelFit {
     double worth_replacing(const FittedModel &fitted) const;
     // A fit that starts from another's pool takes its place, with model and pool, if it is better.
     bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, FitOptions options);
-    // The rest of a fit.
+    // The rest of a fit whose error is known.
     void judge_by(FittedModel &fitted, Replicates replicates) const;
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;
