@@ -51,6 +51,17 @@ std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std
     return result;
 }
 
+std::vector<bool> shows_nowhere(const std::vector<SearchStep> &steps, const std::vector<RungResult> &rungs) {
+    std::vector<bool> result;
+    for (const SearchStep &step : steps)
+        result.push_back(std::none_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
+            return std::count(rung.effects.begin(), rung.effects.end(), step.added) > 0;
+        }));
+    if (std::find(result.begin(), result.end(), false) == result.end())
+        result.assign(steps.size(), false);
+    return result;
+}
+
 bool is_conditional(const std::string &effect, const std::vector<RungResult> &rungs) {
     return std::any_of(rungs.begin(), rungs.end(), [&](const RungResult &rung) {
         return rung.verdict == Verdict::kUnknown && std::count(rung.effects.begin(), rung.effects.end(), effect) > 0;

@@ -95,10 +95,11 @@ Capture judged_part(const Capture &capture, const std::vector<std::size_t> &sequ
     const JudgedPart part = choose_part(layout, choice);
     if (!part.is_whole()) {
         result.part = part;
-        result.notes.push_back(fmt::format("judged were {}: they have the power that a verdict needs. Levels, saturation and "
-                                           "changes between frames are those of all; --window and --frames choose "
-                                           "otherwise",
-                                           part_text(part)));
+        result.notes.push_back(
+            fmt::format("judged were {}: they have the power that a verdict needs. Levels, saturation and "
+                        "changes between frames are those of all; --window and --frames choose "
+                        "otherwise",
+                        part_text(part)));
     }
     return take_part(capture, sequences, layout.sequences, part);
 }
@@ -234,10 +235,9 @@ void judge(std::vector<AcceptanceRow> &rows, const DatasheetQuantities &datashee
             } else {
                 simulated = datasheet.quantities[row.of.index].versions[v + 1];
             }
-            row.versions.push_back(judge_difference(row.of.real, simulated.mean, simulated.deviation,
-                                                    row.of.is_statistic ? null_replicates
-                                                                        : double(datasheet.simulated_captures),
-                                                    row.tolerance));
+            row.versions.push_back(judge_difference(
+                row.of.real, simulated.mean, simulated.deviation,
+                row.of.is_statistic ? null_replicates : double(datasheet.simulated_captures), row.tolerance));
         }
 }
 
@@ -336,9 +336,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     const GapTest &test = found.baseline.residual;
     // Halves of a sequence that changes half way are alike; its frames are not.
     for (const SequenceChange &change : summary.frame_changes) {
-        const bool calibrated = change.level_drifts && std::any_of(lamp.begin(), lamp.end(), [&](const LampDrift &drift) {
-                                    return drift.sequence == change.sequence;
-                                });
+        const bool calibrated = change.level_drifts &&
+                                std::any_of(lamp.begin(), lamp.end(),
+                                            [&](const LampDrift &drift) { return drift.sequence == change.sequence; });
         // A sequence that is left out for its frames without light is no reason to find no gap.
         const bool counts = change.kind == kFramesWithoutLight ||
                             std::count(result.judged.begin(), result.judged.end(), change.sequence) > 0;
@@ -397,28 +397,34 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                 result.fraction_95 = s.fraction_95;
             }
         }
-        for (std::size_t i = 0; i < found.steps.size(); ++i)
-            if (slight[i])
+        std::vector<bool> passed_over = shows_nowhere(found.steps, result.rungs);
+        for (std::size_t i = 0; i < found.steps.size(); ++i) {
+            passed_over[i] = passed_over[i] || slight[i];
+            if (passed_over[i])
                 result.notes.push_back(fmt::format(
-                    "{} was fitted, too, but is not named: it is far weaker than the catalogue has it, and beside "
-                    "stronger effects so little may be the simulator's error",
-                    found.steps[i].added));
+                    "{} was fitted, too, but is not named: {}", found.steps[i].added,
+                    slight[i] ? std::string("it is far weaker than the catalogue has it, and beside stronger effects "
+                                            "so little may be the simulator's error")
+                              : fmt::format("beside the others it moves no statistic by more than {:g} standard "
+                                            "deviations, and so little may be chance",
+                                            kNaming.own_statistics)));
+        }
         if (result.residual_detected || found.models.empty()) {
-            // An effect stands where it shows most: what imitates an unknown cause there may explain a little elsewhere.
+            // An effect stands where it shows most: what imitates an unknown cause there may explain a little
+            // elsewhere.
             const auto in_explained_rung = [&](const std::string &effect) {
                 return std::any_of(result.rungs.begin(), result.rungs.end(), [&](const RungResult &rung) {
                     return rung.verdict == Verdict::kNamed && std::count(rung.own.begin(), rung.own.end(), effect) > 0;
                 });
             };
-            std::vector<bool> passed_over = slight;
             for (std::size_t i = 0; i < found.models.size(); ++i)
-                passed_over[i] = slight[i] || !(in_explained_rung(found.steps[i].added) ||
-                                                explained(moved_by(found, i), last.residual.z));
+                passed_over[i] = passed_over[i] || !(in_explained_rung(found.steps[i].added) ||
+                                                     explained(moved_by(found, i), last.residual.z));
             name_effects(found.steps, passed_over, result);
             result.verdict = Verdict::kUnknown;
             place_stages(runner.layout(), result.places, alike_stage(result));
         } else {
-            name_effects(found.steps, slight, result);
+            name_effects(found.steps, passed_over, result);
             if (result.illumination.lens_or_light && std::count(result.effects.begin(), result.effects.end(), kLens)) {
                 result.verdict = Verdict::kAmbiguous;
                 for (const char *one : {kLens, kLight})
@@ -438,12 +444,12 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                 }
     const FittedModel *final = found.models.empty() ? nullptr : &found.models.back();
     result.downstream = measure_downstream(runner, capture, found.baseline, final, first_seed);
-    result.emva = std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));
+    result.emva =
+        std::make_shared<const Emva1288>(measure_emva1288(in_memory(given) && !result.part ? given : capture));
     result.datasheet = measure_datasheet(runner, capture, found.baseline, final, first_seed);
     const CalibratedLevels &levels = last.model.replicates().levels;
-    result.profile = std::make_shared<const CameraProfile>(
-        camera_profile(runner, given, result, last.effects, levels,
-                       measure_pattern_maps(given, result, last.effects, levels, tell)));
+    result.profile = std::make_shared<const CameraProfile>(camera_profile(
+        runner, given, result, last.effects, levels, measure_pattern_maps(given, result, last.effects, levels, tell)));
     std::vector<const GapModel *> models = {&found.baseline.model};
     if (final)
         models.push_back(&final->model);

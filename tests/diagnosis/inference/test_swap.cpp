@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -92,7 +93,10 @@ class Swap : public testing::Test {
     }
     // Steps, models and effects say the same.
     static void expect_consistent(ModelFit &fits, SearchState state, const FittedModel &baseline) {
+        const double work = fits.work();
         complete(fits, state, baseline);
+        // Two halves of a capture for each step, and what its levels take: no replicates.
+        EXPECT_LE(fits.work() - work, 1.5 * static_cast<double>(state.models.size() - 1));
         ASSERT_EQ(state.steps.size(), state.model.effects.size());
         ASSERT_EQ(state.models.size(), state.model.effects.size());
         for (std::size_t n = 0; n < state.steps.size(); ++n) {
@@ -202,6 +206,33 @@ TEST_F(Swap, TheLikelierOfTwoThatExplainAll) {
     EXPECT_FALSE(swap_confusable_effects(fits, state, 0.0));
 }
 
+// Of two that are likelier than what is there one is taken. The other has lost against it: it is its rival, and is not
+// tried there again.
+TEST_F(Swap, WhatLosesAPlaceIsARivalThere) {
+    std::vector<Hypothesis> three = tilts("bend", 0.01);
+    three.push_back(tilts("bow", 0.006).back());
+    ReplicateRunner runner(context(), simulated({{"tilt", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 6, three),
+                           three, 2);
+    ModelFit fits(runner, options(), {});
+    fits.fit_baseline(0.0);
+    all = candidates(three, {});
+    SearchState state = state_of(fits, {"bend", "row_noise"}, {"tilt", "bow"});
+    state.screened[&candidate("tilt")] = state.screened[&candidate("bow")] =
+        state.models.back().jacobian.col(0); // before the other one was added
+    EXPECT_TRUE(swap_confusable_effects(fits, state, 0.0));
+    EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "tilt"}));
+    EXPECT_EQ(state.screened.count(&candidate("bow")), 0u);
+    std::map<std::string, double> gains;
+    for (const RankedEffect &ranked : state.steps.back().ranking)
+        gains[ranked.effect] = ranked.gain;
+    ASSERT_EQ(3u, gains.size());
+    EXPECT_GT(gains["tilt"], gains["bow"]);
+    EXPECT_GT(gains["bow"], gains["bend"]);
+    const double work = fits.work();
+    EXPECT_FALSE(swap_confusable_effects(fits, state, 0.0));
+    EXPECT_LT(fits.work() - work, 10.0) << "nothing is left to try";
+}
+
 // What changes nothing beside an effect that is there may do all that it does in its place.
 TEST_F(Swap, WhatAnEffectDoesIsSeenInThePlace) {
     std::vector<Hypothesis> twins = tilts("bend", 0.01);
@@ -240,6 +271,30 @@ TEST_F(Swap, WhatTheCatalogueHasIsLikelier) {
     SearchState right = state_of(fits, {"crosstalk", "row_noise"}, {"pixel_integration"});
     EXPECT_FALSE(swap_confusable_effects(fits, right, 0.0));
     EXPECT_GT(right.steps.front().ranking.front().probability, 0.95);
+}
+
+// What an explained rung has told stays, and so does what it changes: no fit simulates that again.
+TEST_F(Swap, WhatIsHeldKeepsItsChanges) {
+    ReplicateRunner runner(context(), simulated({{"vignetting", {0.3}}, {"row_noise", {2.0}}}, kCaptureSeed + 5), {},
+                           2);
+    ModelFit fits(runner, options(), {});
+    fits.fit_baseline(0.0);
+    const SearchState state = state_of(fits, {"row_noise"}, {});
+    EffectModel free = state.model;
+    free.add(candidate("vignetting"), 1.0, 0.5);
+    EXPECT_EQ(known_changes(state.models.back(), state.model, free, true).front().size(), 0);
+    EffectModel held = state.model;
+    held.hold(true);
+    held.add(candidate("vignetting"), 1.0, 0.5);
+    const Origin origin{state.models.back().model.full(), state.pool};
+    FitOptions options = all_replicates(fits);
+    options.known = known_changes(state.models.back(), state.model, free);
+    Pool pool;
+    const FittedModel freely = fits.fit(free, pool, options, &origin), kept = fits.fit(held, pool, options, &origin);
+    EXPECT_NE(freely.jacobian.col(0), options.known.front()) << "two rounds, and the second has its own";
+    EXPECT_EQ(kept.jacobian.col(0), options.known.front());
+    EXPECT_EQ(held.strengths.front().strength, state.model.strengths.front().strength);
+    EXPECT_FALSE(kept.residual.detected);
 }
 
 // A residual in doubt is judged by twice as many replicates, and one without any doubt stays as it is.

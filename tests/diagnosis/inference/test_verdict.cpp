@@ -315,6 +315,21 @@ TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
     EXPECT_EQ(slight_effects({step("glare"), step("gamma")}, parameters, all), (std::vector<bool>{false, false}));
 }
 
+// What no scene shows, beside effects that scenes do show, is a model's chance: one of its many statistics moved a little.
+TEST(Slight, WhatNoSceneShowsIsNotNamed) {
+    std::vector<SearchStep> steps(3);
+    steps[0].added = "prnu";
+    steps[1].added = "nonlinearity";
+    steps[2].added = "defocus";
+    std::vector<RungResult> rungs(3);
+    rungs[1].effects = {"prnu"};
+    rungs[2].effects = {"prnu", "defocus"};
+    EXPECT_EQ(shows_nowhere(steps, rungs), (std::vector<bool>{false, true, false}));
+    // Where none stands out, all together are what there is.
+    EXPECT_EQ(shows_nowhere(steps, {RungResult{}}), (std::vector<bool>{false, false, false}));
+    EXPECT_EQ(shows_nowhere(steps, {}), (std::vector<bool>{false, false, false}));
+}
+
 TEST(Slight, InItsOwnDirection) {
     const std::vector<Candidate> all = candidates({}, {});
     const struct {
