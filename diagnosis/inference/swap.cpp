@@ -318,21 +318,21 @@ bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves,
             tried.push_back(std::move(*other));
     const auto best =
         std::max_element(tried.begin(), tried.end(), [](const Moved &a, const Moved &b) { return a.gain < b.gain; });
-    const bool better = best != tried.end() && best->gain >= (explained ? 0.0 : kGrowth.least_gain);
+    const double least = explained ? 0.0 : kGrowth.least_gain;
+    const bool better = best != tried.end() && best->gain >= least;
     SearchState &kept = better ? best->state : state;
     for (const Moved &one : tried) {
         const std::size_t place = one.move->place;
-        if (place >= state.steps.size() || (better && &one == &*best))
-            continue;
         // What stands there now is what it has lost against.
         const bool lost = better && place == best->move->place;
-        const double behind = (lost ? best->gain : 0.0) - one.gain;
+        if (place >= state.steps.size() || (better && &one == &*best) || (!lost && one.gain >= least))
+            continue;
         const auto step = lost ? std::prev(kept.steps.end())
                                : std::find_if(kept.steps.begin(), kept.steps.end(), [&](const SearchStep &of_kept) {
                                      return of_kept.added == state.steps[place].added;
                                  });
-        if (behind > 0.0 && step != kept.steps.end())
-            note_rival(*step, one.move->candidate->id, one.state.models.back(), behind);
+        if (step != kept.steps.end())
+            note_rival(*step, one.move->candidate->id, one.state.models.back(), (lost ? best->gain : 0.0) - one.gain);
         if (lost)
             kept.screened.erase(one.move->candidate);
     }
