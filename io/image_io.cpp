@@ -103,10 +103,13 @@ void Reader::warn_of_orientation(unsigned orientation) {
                                     "turned clockwise",
                                     "transposed across",
                                     "turned counterclockwise"};
-    info_.warnings.push_back(
+    const std::string warning =
         fmt::format("it says that it shall be {} to be seen (orientation {}); the pixels are taken as "
                     "stored. Turn them and save them without that word if that is wrong",
-                    ways[orientation - 2], orientation));
+                    ways[orientation - 2], orientation);
+    // Some programs write it as EXIF and as XMP.
+    if (std::find(info_.warnings.begin(), info_.warnings.end(), warning) == info_.warnings.end())
+        info_.warnings.push_back(warning);
 }
 
 void Reader::warn_of_aspect(double aspect) {
@@ -122,6 +125,10 @@ void Reader::warn_of_exif(const unsigned char *data, std::size_t size_bytes, con
         info_.warnings.push_back(fmt::format("{} cannot be read (damaged or cut) and is ignored: whether the image is "
                                              "to be turned is not known",
                                              where));
+}
+
+void Reader::warn_of_xmp(std::string_view packet) {
+    warn_of_orientation(detail::orientation_of_xmp(packet));
 }
 
 void Reader::check_size(std::uint64_t width, std::uint64_t height) const {
@@ -180,6 +187,7 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
     plane.full_scale = info.full_scale;
     plane.sample = info.sample;
     plane.significant_bits = info.significant_bits;
+    plane.white_is_zero = info.white_is_zero;
     plane.full_scale_given = info.full_scale_given;
     const std::size_t row_values = info.width;
     plane.values.reserve(row_values * info.height);
@@ -262,6 +270,18 @@ std::optional<unsigned> orientation_of_exif(const unsigned char *data, std::size
         if (const std::size_t entry = directory + 2 + 12 * i; word(entry) == 0x0112)
             return static_cast<unsigned>(word(entry + 8));
     return 0;
+}
+
+unsigned orientation_of_xmp(std::string_view packet) {
+    // An attribute, tiff:Orientation="6", or an element, <tiff:Orientation>6</tiff:Orientation>.
+    constexpr std::string_view name = "tiff:Orientation";
+    const std::size_t named = packet.find(name);
+    if (named == std::string_view::npos)
+        return 0;
+    const std::size_t at = packet.find_first_not_of(" \t\r\n=>\"'", named + name.size());
+    return at != std::string_view::npos && packet[at] >= '1' && packet[at] <= '8'
+               ? static_cast<unsigned>(packet[at] - '0')
+               : 0;
 }
 
 InputFile::InputFile(const std::string &path) : path_(path) {

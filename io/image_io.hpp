@@ -20,6 +20,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace image_io {
@@ -93,6 +94,8 @@ class Reader {
     void warn_of_surplus(std::uint64_t bytes);
     /** @param where that the data are from. */
     void warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where);
+    /** @param packet of XMP, whose orientation is TIFF's. */
+    void warn_of_xmp(std::string_view packet);
     /** Refuses empty and oversized images. */
     void check_size(std::uint64_t width, std::uint64_t height) const;
 
@@ -109,6 +112,7 @@ struct Plane {
     std::string sample;            ///< As Info::sample.
     unsigned significant_bits = 0; ///< As Info::significant_bits.
     bool full_scale_given = false; ///< By ReadRequest::full_scale.
+    bool white_is_zero = false;    ///< As Info::white_is_zero.
 
     bool empty() const { return values.empty(); }
     float at(std::uint32_t x, std::uint32_t y) const { return values[static_cast<std::size_t>(y) * width + x]; }
@@ -196,6 +200,9 @@ namespace detail {
 /** The orientation that EXIF data tell, which begin as a TIFF file does; 0: they tell none. Nothing where they are no
  * EXIF data. */
 std::optional<unsigned> orientation_of_exif(const unsigned char *data, std::size_t size_bytes);
+
+/** The orientation that a packet of XMP tells; 0: it tells none. */
+unsigned orientation_of_xmp(std::string_view packet);
 
 /** An open regular file, with its size known. */
 class InputFile {

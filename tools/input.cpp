@@ -934,17 +934,33 @@ void check_light(Plane &plane, const std::string &path, const char *what, LightC
 
 std::string check_full_scale(const Plane &plane, const std::string &name, const std::string &file,
                              std::vector<std::string> &warnings) {
-    const float largest = plane.empty() ? 0 : *std::max_element(plane.values.begin(), plane.values.end());
     const bool integers = plane.sample.rfind("int", 0) == 0 || plane.sample.rfind("uint", 0) == 0;
-    if (plane.full_scale_given || !integers || !(largest > 1))
+    if (plane.full_scale_given || !integers || plane.empty())
         return "";
+    const auto [low, high] = std::minmax_element(plane.values.begin(), plane.values.end());
     // One of the bits of signed numbers is the sign.
     const bool is_signed = plane.sample[0] == 'i';
     const unsigned most = static_cast<unsigned>(std::stoul(plane.sample.substr(is_signed ? 3 : 4))) - is_signed;
-    unsigned bits = 8;
-    while (bits < most && static_cast<double>(largest) >= std::ldexp(1.0, static_cast<int>(bits)))
-        bits += 2;
-    bits = std::min(bits, most);
+    const auto bits_of = [&](float number) {
+        unsigned bits = 8;
+        while (bits < most && static_cast<double>(number) >= std::ldexp(1.0, static_cast<int>(bits)))
+            bits += 2;
+        return std::min(bits, most);
+    };
+    if (plane.white_is_zero && plane.full_scale == 65535)
+        if (const float stored = 65535 - *low; stored > 1 && bits_of(stored) < 16) {
+            warnings.push_back(
+                fmt::format("{0}: its photometric interpretation says that 0 is white, and the largest number stored "
+                            "is {1}: counted from 65535, all of it is bright. If its codes have {2} bits, save "
+                            "tifffile.imwrite(new_path, {3} - image, photometric=\"minisblack\") and take that with "
+                            "--full-scale {3}",
+                            name, stored, bits_of(stored), std::ldexp(1.0, static_cast<int>(bits_of(stored))) - 1));
+            return "";
+        }
+    const float largest = *high;
+    if (!(largest > 1))
+        return "";
+    unsigned bits = bits_of(largest);
     // The file's own word, but for codes that were brought to 16 bits, which is what the word is for.
     const bool told = plane.significant_bits > 0 && plane.significant_bits < 16 && bits < 16 &&
                       largest < std::ldexp(1.0f, static_cast<int>(plane.significant_bits));

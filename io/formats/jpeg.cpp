@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
+#include <string_view>
 
 #include <jpeglib.h>
 
@@ -98,12 +100,14 @@ class Decoder {
     char message_[JMSG_LENGTH_MAX] = {};
 };
 
-/** EXIF data, behind their name; null: none. */
-const jpeg_marker_struct *exif_of(const jpeg_decompress_struct &info) {
-    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next)
-        if (marker->data_length >= 6 && std::memcmp(marker->data, "Exif\0", 6) == 0)
-            return marker;
-    return nullptr;
+/** What stands behind a name in the first APP1 marker that begins with it. */
+std::optional<std::string_view> named_data(const jpeg_decompress_struct &info, std::string_view name) {
+    for (const jpeg_marker_struct *marker = info.marker_list; marker; marker = marker->next) {
+        const std::string_view data(reinterpret_cast<const char *>(marker->data), marker->data_length);
+        if (marker->marker == JPEG_APP0 + 1 && data.substr(0, name.size()) == name)
+            return data.substr(name.size());
+    }
+    return std::nullopt;
 }
 
 bool has_profile(const jpeg_decompress_struct &info) {
@@ -155,8 +159,11 @@ class JpegReader final : public Reader {
                                      "of its own, for example by PIL.Image.open(path).seek(1)");
         else
             info_.surplus_bytes = file_.size() - end_of_picture();
-        if (const jpeg_marker_struct *exif = exif_of(info))
-            warn_of_exif(exif->data + 6, exif->data_length - 6, "its EXIF data");
+        using namespace std::string_view_literals;
+        if (const auto exif = named_data(info, "Exif\0\0"sv))
+            warn_of_exif(reinterpret_cast<const unsigned char *>(exif->data()), exif->size(), "its EXIF data");
+        if (const auto xmp = named_data(info, "http://ns.adobe.com/xap/1.0/\0"sv))
+            warn_of_xmp(*xmp);
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override {

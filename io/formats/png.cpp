@@ -9,6 +9,7 @@
 #include <cstring>
 #include <optional>
 #include <set>
+#include <string_view>
 
 namespace image_io::format_files {
 
@@ -84,7 +85,8 @@ class PngReader final : public Reader {
         return std::uint32_t{bytes[0]} << 24 | std::uint32_t{bytes[1]} << 16 | std::uint32_t{bytes[2]} << 8 | bytes[3];
     }
 
-    /** Which chunks there are, and what libspng does not read: an animation, cICP, and EXIF data behind the image. */
+    /** Which chunks there are, and what libspng does not read: an animation, cICP, and EXIF data and XMP behind the
+     * image. */
     void look_at_chunks() {
         std::uint64_t at = 8;
         unsigned char head[8];
@@ -95,7 +97,8 @@ class PngReader final : public Reader {
             const std::uint64_t length = number(head);
             const std::string name(reinterpret_cast<const char *>(head + 4), 4);
             chunks_.insert(name);
-            if ((name == "cICP" || name == "acTL" || name == "eXIf") && at + 12 + length <= file_.size()) {
+            if ((name == "cICP" || name == "acTL" || name == "eXIf" || name == "iTXt") &&
+                at + 12 + length <= file_.size()) {
                 // As much as any of them needs; behind the data is their checksum.
                 std::vector<unsigned char> data(static_cast<std::size_t>(std::min<std::uint64_t>(length + 4, 65536)));
                 file_.read(data.data(), data.size());
@@ -109,6 +112,9 @@ class PngReader final : public Reader {
                 if (name == "eXIf")
                     warn_of_exif(data.data(), whole && !intact ? 0 : std::min<std::size_t>(length, data.size()),
                                  "its chunk eXIf");
+                if (const std::string_view text(reinterpret_cast<const char *>(data.data()), data.size());
+                    name == "iTXt" && text.rfind("XML:com.adobe.xmp", 0) == 0)
+                    warn_of_xmp(text);
             }
             ended = name == "IEND";
             at += 12 + length;

@@ -11,7 +11,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 import tifffile
-from PIL import Image, ImageCms
+from PIL import Image, ImageCms, PngImagePlugin
 from test_variants import DUMP, Dump, noise
 
 Array = np.ndarray
@@ -276,6 +276,23 @@ def test_orientation_is_told(tmp_path: Path, orientation: int) -> None:
         np.testing.assert_array_equal(given.values[0], STACK[0])
         told = [warning for warning in given.warnings if f"(orientation {orientation})" in warning]
         assert len(told) == (0 if orientation == 1 else 1)
+
+@pytest.mark.parametrize("form", [' tiff:Orientation="{}"/>', "><tiff:Orientation>{}</tiff:Orientation></rdf:Description>"])
+def test_orientation_in_xmp_is_told(tmp_path: Path, form: str) -> None:
+    """As photo editors write it, alone or beside EXIF data that say the same."""
+    for orientation, exif_too in ((1, False), (6, False), (8, True)):
+        exif = Image.Exif()
+        if exif_too:
+            exif[0x0112] = orientation
+        packet = ('<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description xmlns:tiff="http://ns.adobe.com/tiff/1.0/"'
+                  + form.format(orientation) + "</x:xmpmeta>")
+        text = PngImagePlugin.PngInfo()
+        text.add_itxt("XML:com.adobe.xmp", packet)
+        Image.fromarray(STACK[0]).save(tmp_path / "a.png", pnginfo=text, exif=exif)
+        Image.fromarray(noise((40, 28))).save(tmp_path / "a.jpg", xmp=packet.encode(), exif=exif)
+        for name in ("a.png", "a.jpg"):
+            told = [warning for warning in Dump(tmp_path / name).warnings if f"(orientation {orientation})" in warning]
+            assert len(told) == (0 if orientation == 1 else 1), name
 
 
 # --- PNG ---

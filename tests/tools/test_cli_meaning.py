@@ -543,3 +543,18 @@ def test_soft_masks_are_told_once(ok, tmp_path: Path, option: str, name: str) ->
     assert two and float(two[2]) == pytest.approx((mask[mask > 0].min() + mask.max()) / 2)
     for values in (eval(two[1], {"numpy": np, "mask": mask}), mask > 0, np.where(mask > 0, 7.0, 0.0)):
         assert told("two.npy", values) == ""
+
+
+def test_white_that_is_zero_of_fewer_bits(ok, tmp_path: Path) -> None:
+    """Counted from 65535, codes of 10 bits would all be next to white."""
+    codes = images.gray10()
+    tifffile.imwrite(tmp_path / "a.tif", codes, photometric="miniswhite")
+    told = light(ok, tmp_path, "a.tif")[1]
+    advice = re.search(r"save (tifffile\.imwrite\(.*\)) and take that with (--full-scale) (\d+)", told)
+    assert advice and "10 bits" in told
+    eval(advice[1], {"tifffile": tifffile, "image": codes, "new_path": tmp_path / "b.tif"})
+    given, told = light(ok, tmp_path, "b.tif", advice[2], advice[3])
+    np.testing.assert_array_equal(given, images.scaled(1023 - codes, 1023))
+    assert "warning" not in told
+    tifffile.imwrite(tmp_path / "c.tif", np.uint16(65535) - codes, photometric="miniswhite")
+    assert "0 is white" not in light(ok, tmp_path, "c.tif")[1]
