@@ -279,9 +279,8 @@ unsigned orientation_of_xmp(std::string_view packet) {
     if (named == std::string_view::npos)
         return 0;
     const std::size_t at = packet.find_first_not_of(" \t\r\n=>\"'", named + name.size());
-    return at != std::string_view::npos && packet[at] >= '1' && packet[at] <= '8'
-               ? static_cast<unsigned>(packet[at] - '0')
-               : 0;
+    const auto is_digit = [&](std::size_t i) { return i < packet.size() && packet[i] >= '0' && packet[i] <= '9'; };
+    return is_digit(at) && !is_digit(at + 1) ? static_cast<unsigned>(packet[at] - '0') : 0;
 }
 
 InputFile::InputFile(const std::string &path) : path_(path) {

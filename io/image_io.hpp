@@ -94,7 +94,7 @@ class Reader {
     void warn_of_surplus(std::uint64_t bytes);
     /** @param where that the data are from. */
     void warn_of_exif(const unsigned char *data, std::size_t size_bytes, const std::string &where);
-    /** @param packet of XMP, whose orientation is TIFF's. */
+    /** @param packet of XMP, which counts orientation as TIFF does. */
     void warn_of_xmp(std::string_view packet);
     /** Refuses empty and oversized images. */
     void check_size(std::uint64_t width, std::uint64_t height) const;

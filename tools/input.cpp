@@ -949,12 +949,14 @@ std::string check_full_scale(const Plane &plane, const std::string &name, const 
     };
     if (plane.white_is_zero && plane.full_scale == 65535)
         if (const float stored = 65535 - *low; stored > 1 && bits_of(stored) < 16) {
+            const double white = std::ldexp(1.0, static_cast<int>(bits_of(stored))) - 1;
             warnings.push_back(
                 fmt::format("{0}: its photometric interpretation says that 0 is white, and the largest number stored "
                             "is {1}: counted from 65535, all of it is bright. If its codes have {2} bits, save "
-                            "tifffile.imwrite(new_path, {3} - image, photometric=\"minisblack\") and take that with "
-                            "--full-scale {3}",
-                            name, stored, bits_of(stored), std::ldexp(1.0, static_cast<int>(bits_of(stored))) - 1));
+                            "tifffile.imwrite(new_path, {3} - image, photometric=\"minisblack\") and take {4}",
+                            name, stored, bits_of(stored), white,
+                            file.empty() ? fmt::format("that with --full-scale {}", white)
+                                         : fmt::format("new_path:full_scale={}", white)));
             return "";
         }
     const float largest = *high;

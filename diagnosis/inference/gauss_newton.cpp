@@ -39,8 +39,10 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
                             const std::vector<Eigen::VectorXd> &known, const GaussNewtonOptions &options,
                             const std::function<void(Eigen::Index)> &report) {
     const Eigen::Index parameters = static_cast<Eigen::Index>(model.strengths.size());
-    const bool all_fresh =
-        std::none_of(known.begin(), known.end(), [](const Eigen::VectorXd &column) { return column.size() > 0; });
+    // But for what stays.
+    bool all_fresh = true;
+    for (std::size_t p = 0; p < known.size(); ++p)
+        all_fresh = all_fresh && (known[p].size() == 0 || model.strengths[p].held);
     const Eigen::VectorXd target_of_origin =
         runner.real().mean() - origin.covariance.mean() + origin.pool.mean(options.seeds);
     GaussNewtonFit best;

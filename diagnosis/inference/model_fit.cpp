@@ -29,7 +29,8 @@ std::vector<Eigen::VectorXd> known_changes(const FittedModel &fitted, const Effe
     std::vector<Eigen::VectorXd> known(model.strengths.size());
     for (std::size_t p = 0; p < model.strengths.size(); ++p)
         for (std::size_t q = 0; q < of_fitted.strengths.size(); ++q)
-            if ((model.strengths[p].held || !held) &&
+            if ((!held ||
+                 (model.strengths[p].held && model.strengths[p].strength == of_fitted.strengths[q].strength)) &&
                 model.strengths[p].parameter == of_fitted.strengths[q].parameter &&
                 model.effects[model.strengths[p].effect].candidate ==
                     of_fitted.effects[of_fitted.strengths[q].effect].candidate)
@@ -347,13 +348,12 @@ void ModelFit::judge(FittedModel &fitted, Replicates replicates, std::uint32_t c
     if (replicates.draws.size() >= count)
         return;
     replicate(replicates, count, from, to);
-    fitted.error = model_error(fitted);
     judge_by(fitted, std::move(replicates));
 }
 
 void ModelFit::judge_by(FittedModel &fitted, Replicates replicates) const {
     fitted.model = GapModel(runner_, std::move(replicates), options_.residual_level, fitted.jacobian,
-                            with_unexplained(fitted.error));
+                            with_unexplained(model_error(fitted)));
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kFit.largest_step).cwiseMin(kFit.largest_step);
@@ -379,8 +379,6 @@ FittedModel ModelFit::part_of(const FittedModel &whole, const Pool &pool, const 
         draw.first += without_others;
         draw.second += without_others;
     }
-    // As its scatter is the whole's, so that a step is measured as all are (shrinkage.cpp).
-    fitted.error = whole.error;
     judge_by(fitted, std::move(replicates));
     return fitted;
 }
@@ -388,8 +386,8 @@ FittedModel ModelFit::part_of(const FittedModel &whole, const Pool &pool, const 
 void ModelFit::judge_by_all(FittedModel &fitted) const {
     if (!unexplained_.size() || fitted.effects.empty())
         return;
-    fitted.model = GapModel(runner_, fitted.model.replicates(), options_.residual_level, fitted.jacobian, fitted.error,
-                            unexplained_);
+    fitted.model = GapModel(runner_, fitted.model.replicates(), options_.residual_level, fitted.jacobian,
+                            model_error(fitted), unexplained_);
     fitted.residual = fitted.model.test(runner_.real());
 }
 

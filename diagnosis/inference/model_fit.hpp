@@ -40,14 +40,13 @@ struct FittedModel {
     Eigen::MatrixXd jacobian;      // change of the statistics per unit of each strength
     std::vector<Strength> columns; // these strengths
     double part = 1.0;             // of the usual finite differences: the Jacobian's
-    Eigen::VectorXd error;         // standard deviation of the model's own error in each statistic
     Eigen::VectorXd change;        // of the mean statistics by the effects, without the correction
     Eigen::VectorXd step;          // of each strength: the last, linear one of the fit
     Eigen::VectorXd correction;    // of the mean, by that step
     double score = 0.0;            // held-out squared distance plus log determinant; smaller is better
 };
 
-// Of each strength of `model` that a fitted one has, too, the changes by it; held: of those alone that stay.
+// Of each strength of `model` that a fitted one has, too, the changes by it. held: only of held ones, which stand there.
 std::vector<Eigen::VectorXd> known_changes(const FittedModel &fitted, const EffectModel &of_fitted,
                                            const EffectModel &model, bool held = false);
 
@@ -59,9 +58,9 @@ struct Differences {
     Eigen::VectorXd mean() const { return 0.5 * (first + second); }
 };
 
-// What a fit may go by. known: by strength, the changes when it was last fitted, for the first round, and where it is
-// held for all; may be empty, as may each. replicates: that many judge the model, or all that the options of the search say where
-// they leave a doubt.
+// What a fit may go by. known: for each strength, how the statistics changed by it when it was last fitted; empty where
+// that is not known. The first round goes by it; where a strength is held, all rounds do. replicates: that many judge
+// the model, or all that the options of the search say where they leave a doubt.
 struct FitOptions {
     std::uint32_t replicates = 0;
     double from = 0.0, to = 0.0; // of the progress
@@ -110,8 +109,8 @@ class ModelFit {
     void confirm(FittedModel &fitted, double at);
     // The rest of a fit, by `count` replicates; nothing where it has as many.
     void judge(FittedModel &fitted, Replicates replicates, std::uint32_t count, double from, double to);
-    // The first effects of a model, as they are in it, whose pool is `pool`: its replicates, moved by what the others
-    // change. To show how the gap shrinks; nothing is chosen by it.
+    // The first effects of a model, as they are in it, whose pool is `pool`: the whole's replicates, moved by what the
+    // other effects change, with common random numbers. To tell what each step takes away.
     FittedModel part_of(const FittedModel &whole, const Pool &pool, const EffectModel &part);
     // By all statistics, also those that fits were spared. The fit stays.
     void judge_by_all(FittedModel &fitted) const;
@@ -161,7 +160,7 @@ class ModelFit {
     double worth_replacing(const FittedModel &fitted) const;
     // A fit that starts from another's pool takes its place, with model and pool, if it is better.
     bool replace(EffectModel &model, Pool &pool, FittedModel &fitted, EffectModel start, FitOptions options);
-    // The rest of a fit whose error is known.
+    // The rest of a fit, by replicates that are there.
     void judge_by(FittedModel &fitted, Replicates replicates) const;
     // Draws replicates until there are `count`.
     void replicate(Replicates &replicates, std::uint32_t count, double from, double to) const;

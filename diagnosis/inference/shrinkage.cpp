@@ -19,21 +19,22 @@ double before_square(const Covariance &metric, const FittedModel &baseline, cons
     return mean_square(metric, s.first - model.first_mean(), s.second - model.second_mean());
 }
 
-// Of a capture from a model, each half after the fit to the other one.
-FoldStatistics after_fit(const FittedModel &fitted, const FoldStatistics &s) {
+// Of a capture from a model, each half after the fit to the other one, in the metric of another model or its own.
+FoldStatistics after_fit(const FittedModel &fitted, const FittedModel &metric, const FoldStatistics &s) {
     const GapModel &model = fitted.model;
+    const Covariance &fold = metric.model.fit_fold();
     const Eigen::VectorXd first = s.first - model.first_mean(), second = s.second - model.second_mean();
-    const Eigen::VectorXd of_first = model.coefficients(model.fit_fold(), first), of_second = model.coefficients(model.fit_fold(), second);
+    const Eigen::VectorXd of_first = model.coefficients(fold, first), of_second = model.coefficients(fold, second);
     return {first - fitted.jacobian * of_second, second - fitted.jacobian * of_first};
 }
 
-double after_square(const Covariance &metric, const FittedModel &fitted, const FoldStatistics &s) {
-    const FoldStatistics after = after_fit(fitted, s);
-    return mean_square(metric, after.first, after.second);
+double after_square(const FittedModel &metric, const FittedModel &fitted, const FoldStatistics &s) {
+    const FoldStatistics after = after_fit(fitted, metric, s);
+    return mean_square(metric.model.fold(), after.first, after.second);
 }
 
 HeldOutDifferences differences_of(const FittedModel &baseline, const FittedModel &fitted, const FoldStatistics &s) {
-    const FoldStatistics after = after_fit(fitted, s);
+    const FoldStatistics after = after_fit(fitted, fitted, s);
     HeldOutDifferences result{Eigen::MatrixXd(s.first.size(), 2), Eigen::MatrixXd(s.first.size(), 2)};
     result.before << s.first - baseline.model.first_mean(), s.second - baseline.model.second_mean();
     result.after << after.first, after.second;
@@ -42,12 +43,16 @@ HeldOutDifferences differences_of(const FittedModel &baseline, const FittedModel
 
 } // namespace
 
-double beyond_chance(double mean_square, double chance) { return std::sqrt(std::max(0.0, mean_square - chance)); }
+double beyond_chance(double mean_square, double chance) {
+    return std::sqrt(std::max(0.0, mean_square - chance));
+}
 
-double gone(double before, double after) { return before > 0.0 ? 1.0 - after / before : 0.0; }
+double gone(double before, double after) {
+    return before > 0.0 ? 1.0 - after / before : 0.0;
+}
 
-std::array<double, 2> gone_95(double fraction, const Eigen::VectorXd &before, double chance_before, const Eigen::VectorXd &after,
-                              double chance_after) {
+std::array<double, 2> gone_95(double fraction, const Eigen::VectorXd &before, double chance_before,
+                              const Eigen::VectorXd &after, double chance_after) {
     Eigen::VectorXd fractions(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r)
         fractions[r] = gone(beyond_chance(before[r], chance_before), beyond_chance(after[r], chance_after));
@@ -68,12 +73,12 @@ Shrinkage shrinkage(const ReplicateRunner &runner, const FittedModel &baseline, 
     Eigen::VectorXd before(static_cast<Eigen::Index>(draws.size())), after(before.size());
     for (Eigen::Index r = 0; r < before.size(); ++r) {
         before[r] = before_square(metric, baseline, draws[r]);
-        after[r] = after_square(metric, fitted, draws[r]);
+        after[r] = after_square(metric_model, fitted, draws[r]);
     }
     chance_after = after.mean();
     Shrinkage result;
     result.before = beyond_chance(before_square(metric, baseline, runner.real()), chance_before);
-    result.after = beyond_chance(after_square(metric, fitted, runner.real()), chance_after);
+    result.after = beyond_chance(after_square(metric_model, fitted, runner.real()), chance_after);
     result.fraction = gone(result.before, result.after);
     result.fraction_95 = gone_95(result.fraction, before, chance_before, after, chance_after);
     return result;

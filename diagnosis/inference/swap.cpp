@@ -232,6 +232,12 @@ std::vector<FittedModel> models_until(const SearchState &state, std::size_t effe
     return result;
 }
 
+// No form of that effect is tried until effects are screened anew.
+void forget(SearchState &state, const std::string &effect) {
+    for (auto one = state.screened.begin(); one != state.screened.end();)
+        one = one->first->id == effect ? state.screened.erase(one) : std::next(one);
+}
+
 // A state after a move, and what it is better by; less than 0: what it is worse by.
 struct Moved {
     const Move *move;
@@ -248,7 +254,7 @@ std::optional<Moved> moved(ModelFit &fits, SearchState &state, const Move &move,
     other.given = state.given;
     other.screened = state.screened;
     if (move.place < state.model.effects.size()) // of two that do as well, a fit's rest would swap again and again
-        other.screened.erase(state.model.effects[move.place].candidate);
+        forget(other, state.model.effects[move.place].candidate->id);
     other.other_forms = state.other_forms;
     other.progress = state.progress;
     other.progress_end = state.progress_end;
@@ -318,28 +324,20 @@ bool make_best(ModelFit &fits, SearchState &state, std::vector<Promising> moves,
             tried.push_back(std::move(*other));
     const auto best =
         std::max_element(tried.begin(), tried.end(), [](const Moved &a, const Moved &b) { return a.gain < b.gain; });
-    const double least = explained ? 0.0 : kGrowth.least_gain;
-    const bool better = best != tried.end() && best->gain >= least;
-    SearchState &kept = better ? best->state : state;
+    const bool better = best != tried.end() && best->gain >= (explained ? 0.0 : kGrowth.least_gain);
     for (const Moved &one : tried) {
         const std::size_t place = one.move->place;
-        // What stands there now is what it has lost against.
-        const bool lost = better && place == best->move->place;
-        if (place >= state.steps.size() || (better && &one == &*best) || (!lost && one.gain >= least))
-            continue;
-        const auto step = lost ? std::prev(kept.steps.end())
-                               : std::find_if(kept.steps.begin(), kept.steps.end(), [&](const SearchStep &of_kept) {
-                                     return of_kept.added == state.steps[place].added;
-                                 });
-        if (step != kept.steps.end())
-            note_rival(*step, one.move->candidate->id, one.state.models.back(), (lost ? best->gain : 0.0) - one.gain);
-        if (lost)
-            kept.screened.erase(one.move->candidate);
+        const FittedModel &fitted = one.state.models.back();
+        if (!better && place < state.steps.size()) {
+            note_rival(state.steps[place], one.move->candidate->id, fitted, -one.gain);
+        } else if (better && &one != &*best && place == best->move->place) {
+            // What it has lost against stands there now. Other places were judged beside an effect that is gone.
+            note_rival(best->state.steps.back(), one.move->candidate->id, fitted, best->gain - one.gain);
+            forget(best->state, one.move->candidate->id);
+        }
     }
-    if (better) {
-        SearchState next = std::move(best->state);
-        state = std::move(next);
-    }
+    if (better)
+        state = std::move(best->state);
     return better;
 }
 
@@ -398,6 +396,7 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             FitOptions options;
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
+            options.known = known_changes(whole, state.model, model, true);
             options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
             if (!possible([&] { fitted = fits.fit(model, pool, options, &origin); }) || fitted.effects.empty())
                 continue;

@@ -27,8 +27,8 @@ double most_moved(const Eigen::VectorXd &moved, const std::vector<bool> &statist
 std::vector<bool> slight_effects(const std::vector<SearchStep> &steps, const std::vector<FittedParameter> &parameters,
                                  const std::vector<Candidate> &candidates);
 
-// Of each step's effect, whether it moves no significant statistic of any scene, beside others that do: what it takes
-// away may be chance. It is fitted, but not named.
+// Of each step's effect, whether it moves no statistic of any scene significantly, beside others that do. It is fitted,
+// but not named: what a model needs to leave nothing may be the simulator's error.
 std::vector<bool> shows_nowhere(const std::vector<SearchStep> &steps, const std::vector<RungResult> &rungs);
 
 // An effect's parameters rest on the others and on the model of each scene that it acts on.

@@ -405,8 +405,8 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                     "{} was fitted, too, but is not named: {}", found.steps[i].added,
                     slight[i] ? std::string("it is far weaker than the catalogue has it, and beside stronger effects "
                                             "so little may be the simulator's error")
-                              : fmt::format("beside the others it moves no statistic by more than {:g} standard "
-                                            "deviations, and so little may be chance",
+                              : fmt::format("it moves no statistic of a scene that it acts on by more than {:g} "
+                                            "standard deviations, which others do",
                                             kNaming.own_statistics)));
         }
         if (result.residual_detected || found.models.empty()) {

@@ -97,8 +97,9 @@ class PngReader final : public Reader {
             const std::uint64_t length = number(head);
             const std::string name(reinterpret_cast<const char *>(head + 4), 4);
             chunks_.insert(name);
-            if ((name == "cICP" || name == "acTL" || name == "eXIf" || name == "iTXt") &&
-                at + 12 + length <= file_.size()) {
+            if (name == "iTXt" && at + 12 + length <= file_.size())
+                read_xmp(length);
+            if ((name == "cICP" || name == "acTL" || name == "eXIf") && at + 12 + length <= file_.size()) {
                 // As much as any of them needs; behind the data is their checksum.
                 std::vector<unsigned char> data(static_cast<std::size_t>(std::min<std::uint64_t>(length + 4, 65536)));
                 file_.read(data.data(), data.size());
@@ -112,14 +113,29 @@ class PngReader final : public Reader {
                 if (name == "eXIf")
                     warn_of_exif(data.data(), whole && !intact ? 0 : std::min<std::size_t>(length, data.size()),
                                  "its chunk eXIf");
-                if (const std::string_view text(reinterpret_cast<const char *>(data.data()), data.size());
-                    name == "iTXt" && text.rfind("XML:com.adobe.xmp", 0) == 0)
-                    warn_of_xmp(text);
             }
             ended = name == "IEND";
             at += 12 + length;
         }
         end_ = ended ? std::min(at, file_.size()) : file_.size();
+    }
+
+    /** Of a chunk iTXt, whose data begin here, if its keyword is XMP's. Compressed text, which XMP forbids, tells
+     * nothing.
+     */
+    void read_xmp(std::uint64_t length) {
+        using namespace std::string_view_literals;
+        constexpr std::string_view keyword = "XML:com.adobe.xmp\0"sv;
+        constexpr std::uint64_t most = 16 << 20;
+        std::vector<unsigned char> data(static_cast<std::size_t>(std::min<std::uint64_t>(length, keyword.size())));
+        file_.read(data.data(), data.size());
+        if (std::string_view(reinterpret_cast<const char *>(data.data()), data.size()) != keyword || length > most)
+            return;
+        data.resize(static_cast<std::size_t>(length + 4));
+        file_.read(data.data() + keyword.size(), data.size() - keyword.size());
+        const auto *name = reinterpret_cast<const unsigned char *>("iTXt");
+        if (number(&data[length]) == checksum(name, data.data(), length))
+            warn_of_xmp({reinterpret_cast<const char *>(data.data()), static_cast<std::size_t>(length)});
     }
 
     /** Of a chunk's name and data. */

@@ -70,7 +70,7 @@ static inline lanes_u lane_numbers(void) {
     return vload_lanes(0, numbers);
 }
 
-// Whether a comparison holds in any lane. PoCL's any() and all() look at two lanes after the other.
+// Whether a comparison, which sets all bits of a lane or none, holds in any lane. PoCL's any() and all() go through the lanes two by two.
 static inline bool holds_anywhere(lanes_i comparison) {
 #if LANES == 16
     const int8 eight = comparison.lo | comparison.hi;
