@@ -55,10 +55,11 @@ void widen_fall_off(std::vector<FittedParameter> &parameters, double deviation, 
         }
 }
 
-// By an effect, in standard deviations.
+// By an effect, in standard deviations of the baseline: those of a model hold what its effects scatter themselves.
 Eigen::VectorXd moved_by(const SearchResult &found, std::size_t step) {
-    const GapModel &before = step ? found.models[step - 1].model : found.baseline.model;
-    return (found.models[step].model.full().mean() - before.full().mean()).cwiseQuotient(before.full().deviation());
+    const Covariance &baseline = found.baseline.model.full();
+    const Covariance &before = step ? found.models[step - 1].model.full() : baseline;
+    return (found.models[step].model.full().mean() - before.mean()).cwiseQuotient(baseline.deviation());
 }
 
 std::uint32_t pool_seeds_of(const Capture &capture) {
