@@ -326,7 +326,7 @@ struct Thresholds {
         // EqualRivalsAreEquivalent
         double least_probability = 0.05;
         // deviations | statistics that an effect moves by more are its own; one without any is not named beside others |
-        // tests/diagnosis/inference/test_verdict.cpp BySignificantDeviationsAlone WhatNoSceneShowsIsNotNamed
+        // tests/diagnosis/inference/test_verdict.cpp BySignificantDeviationsAlone
         double own_statistics = 4.0;
         // mean square of z | beside an unknown cause an effect counts if its own statistics have less left |
         // tests/diagnosis/inference/test_verdict.cpp ByTheStatisticsThatAnEffectMoves
