@@ -558,3 +558,19 @@ def test_white_that_is_zero_of_fewer_bits(ok, tmp_path: Path) -> None:
     assert "warning" not in told
     tifffile.imwrite(tmp_path / "c.tif", np.uint16(65535) - codes, photometric="miniswhite")
     assert "0 is white" not in light(ok, tmp_path, "c.tif")[1]
+
+
+def test_a_plane_whose_white_is_zero_of_fewer_bits(ok, scene: Path) -> None:
+    """What the message names reads the plane that it says how to save."""
+    codes = np.rint(1023 * albedo()).astype(np.uint16)
+    tifffile.imwrite(scene / "a.tif", codes, photometric="miniswhite")
+    told = ok("render", "--depth", "z.npy", "--albedo", "a.tif", *ARGUMENTS, "--no-preview").err
+    advice = re.search(r"save (tifffile\.imwrite\(.*\)) and take new_path:(full_scale=1023)", told)
+    assert advice, told
+    eval(advice[1], {"tifffile": tifffile, "image": codes, "new_path": scene / "b.tif"})
+    np.save(scene / "values.npy", (1 - codes / 1023).astype(np.float32))
+    frames = [
+        rendered(ok, scene, "--depth", "z.npy", "--albedo", file, *CAMERA)
+        for file in (f"b.tif:{advice[2]}", "values.npy")
+    ]
+    assert np.abs(frames[0].astype(int) - frames[1]).max() <= 1
