@@ -18,10 +18,10 @@ namespace {
 void add_diagnose_options(CLI::App &app, DiagnoseArguments &a, bool &quiet) {
     app.add_option("--json", a.json, "Write the report as JSON; - writes it to standard output")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--html", a.html, "Write the report with pictures and plots, for a browser")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--without", a.without, "Effects that are no candidates; may be given several times")
         ->allow_extra_args(false)
         ->type_name("ID,...");
@@ -85,10 +85,10 @@ void add_capture_check(CLI::App &app, CaptureCheckArguments &a, bool &quiet) {
     app.add_option("FOLDER", a.folder, "Capture set: its folder or its capture.json")->required()->type_name("");
     app.add_option("--json", a.json, "Write the summary as JSON to this file; - is standard output")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--write-mask", a.mask, "Write a mask that leaves out the pixels that are not like the others")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
@@ -124,10 +124,10 @@ void add_capture_emva(CLI::App &app, CaptureEmvaArguments &a, bool &quiet) {
     app.add_option("FOLDER", a.folder, "Capture set: its folder or its capture.json")->required()->type_name("");
     app.add_option("--json", a.json, "Write the numbers as JSON to this file; - is standard output")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--xml", a.xml, "Write them as the Python package emva1288 writes its results")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
@@ -207,19 +207,19 @@ void add_diagnose(CLI::App &app, DiagnoseArguments &a, bool &quiet) {
                    "several times")
         ->allow_extra_args(false)
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--tolerance", a.tolerances,
                    "What you accept of the simulator's error, as JSON (docs/method/diagnosis.md): the report "
                    "says whether it is")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--emva", a.emva,
                    "Write EMVA 1288's numbers of the dark and flat frames, as the Python package emva1288 does")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_option("--profile", a.profile, "Write the camera that was found, with its effects, for render --profile")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     add_diagnose_options(app, a, quiet);
 }
 
@@ -232,7 +232,7 @@ void add_gap_compare(CLI::App &app, DiagnoseArguments &a, bool &quiet) {
     app.add_option("--profile", a.camera,
                    "Camera profile of REAL, that SIM was drawn with: its effects make both scatter, which is no gap")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     add_diagnose_options(app, a, quiet);
 }
 
@@ -316,7 +316,7 @@ void add_tune(CLI::App &app, TuneArguments &a, bool &quiet) {
                    "Write this tuning record instead of the one that the program reads (CLSPECKLE_TUNING, else "
                    "tuning.json in the cache folder)")
         ->type_name("FILE")
-        ->check(named());
+        ->check(has_name());
     app.add_flag("--dry-run", a.dry_run, "Measure, but write nothing")->excludes("--output");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }

@@ -24,7 +24,7 @@ double quantile(std::vector<double> values, double part) {
     return *at;
 }
 
-struct Picture {
+struct MeanImage {
     int width, height;
     std::vector<double> values;
     double at(int x, int y) const { return values[index(x, y)]; }
@@ -38,7 +38,7 @@ struct Picture {
 
 /** The width of what the image is made of: an autocorrelation of Gaussians exp(-r^2 / (2 s^2)) is exp(-r^2 / (4 s^2)).
  */
-double typical_sigma(const Picture &image) {
+double typical_sigma(const MeanImage &image) {
     const double mean =
         std::accumulate(image.values.begin(), image.values.end(), 0.0) / static_cast<double>(image.values.size());
     const auto correlation = [&](int lag) {
@@ -67,13 +67,13 @@ double typical_sigma(const Picture &image) {
 }
 
 /** Convolved with a Gaussian of unit sum; at the border with what there is of it. */
-Picture smoothed(const Picture &image, double sigma) {
+MeanImage smoothed(const MeanImage &image, double sigma) {
     const int reach = static_cast<int>(std::ceil(3.0 * sigma));
     std::vector<double> kernel;
     for (int i = -reach; i <= reach; ++i)
         kernel.push_back(std::exp(-i * i / (2.0 * sigma * sigma)));
-    const auto pass = [&](const Picture &from, int dx, int dy) {
-        Picture to = from;
+    const auto pass = [&](const MeanImage &from, int dx, int dy) {
+        MeanImage to = from;
         for (int y = 0; y < from.height; ++y)
             for (int x = 0; x < from.width; ++x) {
                 double sum = 0.0;
@@ -98,7 +98,7 @@ struct Dot {
     double x, y, height, sigma;
 };
 
-void add_dot(Picture &image, const Dot &dot, double factor) {
+void add_dot(MeanImage &image, const Dot &dot, double factor) {
     const double reach = 4.0 * dot.sigma;
     const int left = std::max(0, static_cast<int>(dot.x - reach));
     const int right = std::min(image.width - 1, static_cast<int>(dot.x + reach));
@@ -113,7 +113,7 @@ void add_dot(Picture &image, const Dot &dot, double factor) {
 }
 
 /** The largest values within a radius. */
-std::vector<Dot> maxima(const Picture &image, double radius, double threshold) {
+std::vector<Dot> maxima(const MeanImage &image, double radius, double threshold) {
     const int reach = std::max(1, static_cast<int>(radius));
     std::vector<Dot> found;
     for (int y = 0; y < image.height; ++y)
@@ -159,7 +159,7 @@ double weight_at(double distance) {
 
 /** Least squares of height exp(-r^2 / (2 sigma^2)) on the pixels near the start (Levenberg and Marquardt). */
 template <typename Value>
-std::optional<Dot> fitted(const Picture &image, const Value &value_at, const Dot &start, double window) {
+std::optional<Dot> fitted(const MeanImage &image, const Value &value_at, const Dot &start, double window) {
     const int left = std::max(0, static_cast<int>(std::ceil(start.x - window)));
     const int right = std::min(image.width - 1, static_cast<int>(std::floor(start.x + window)));
     const int top = std::max(0, static_cast<int>(std::ceil(start.y - window)));
@@ -263,14 +263,14 @@ double imaged_sigma(double sigma, double diameter, double fitted_px) {
 } // namespace
 
 FoundDots find_dots(const std::vector<float> &image, std::uint32_t width, std::uint32_t height, double noise_dn) {
-    Picture picture{static_cast<int>(width), static_cast<int>(height), {image.begin(), image.end()}};
+    MeanImage picture{static_cast<int>(width), static_cast<int>(height), {image.begin(), image.end()}};
     const double sigma = std::max(0.6, typical_sigma(picture));
-    Picture smooth = smoothed(picture, sigma);
+    MeanImage smooth = smoothed(picture, sigma);
     // The dark between the dots, by the lowest pixels: its level, and how even it is.
     const double low = quantile(smooth.values, 0.023);
     const double unevenness =
         std::max(quantile(smooth.values, 0.16) - low, noise_dn / (2.0 * sigma * std::sqrt(std::acos(-1.0))));
-    for (Picture *p : {&picture, &smooth})
+    for (MeanImage *p : {&picture, &smooth})
         for (double &value : p->values)
             value -= low;
     std::vector<Dot> candidates = maxima(smooth, 1.5 * sigma, (2.0 + kNoises) * unevenness);
@@ -291,7 +291,7 @@ FoundDots find_dots(const std::vector<float> &image, std::uint32_t width, std::u
     double fit_sigma = sigma;
     double window = std::max(1.5, std::min(kWindow * sigma, kOwnPart * pitch));
     for (int round = 0; round < kRounds; ++round) {
-        Picture others = picture;
+        MeanImage others = picture;
         std::fill(others.values.begin(), others.values.end(), 0.0);
         for (const Dot &dot : dots)
             add_dot(others, dot, 1.0);

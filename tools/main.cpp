@@ -198,7 +198,7 @@ int run(int argc, char **argv) {
             "Camera profile that diagnose --profile wrote; options of the command line replace its values, which "
             "is told, but for bits, pixel pitch and wavelength")
         ->type_name("FILE")
-        ->check(tools::named());
+        ->check(tools::has_name());
     render_command
         .add_option(
             "--profile-sequence", arguments.profile_sequence,

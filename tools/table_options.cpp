@@ -68,7 +68,7 @@ std::vector<std::string> option_names(const CLI::App &app) {
 
 } // namespace
 
-CLI::Validator named() {
+CLI::Validator has_name() {
     return CLI::Validator(
         [](std::string &text) { return text.empty() ? std::string("is empty; name a file") : std::string(); }, "");
 }

@@ -30,7 +30,7 @@ template <typename T> CLI::Validator within(T low, T high) {
 }
 
 /** Refuses an empty name of a file. */
-CLI::Validator named();
+CLI::Validator has_name();
 
 /** The options of the table on the command line; what was given is collected as text. */
 void add_table(CLI::App &app, std::map<std::string, std::string> &given);
