@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+from camera_view import SceneError, rays
 
 F_NUMBER = 5.6
 PIXEL_PITCH_M = 2.9e-6
@@ -22,10 +23,6 @@ WAVELENGTH_M = 940e-9
 LARGEST_PATTERN = 8192  # texels along a side
 MOST_DOTS = 16384  # that `clspeckle depth` takes
 DOT_SIGMA_TEXELS = 2.5
-
-
-class SceneError(Exception):
-    """What a user gave cannot be turned into a scene; the message says why and what would do."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +38,7 @@ class Camera:
 
     def rays(self) -> np.ndarray:
         """(height, width, 3), z = 1, through the pixel centres."""
-        y, x = np.indices((self.height, self.width))
-        u, v = (x - self.cx_px) / self.fx_px, (y - self.cy_px) / self.fy_px
-        return np.stack([u, v, np.ones_like(u)], axis=-1)
+        return rays((self.height, self.width), (self.fx_px, self.fy_px, self.cx_px, self.cy_px))
 
 
 @dataclass(frozen=True)

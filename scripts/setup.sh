@@ -36,7 +36,7 @@ fi
 [ "$level" = figure ] || .venv/bin/python -m pip install -q --disable-pip-version-check "scikit-build-core>=0.11"
 if [ "$level" = test ]; then
     requirements=()
-    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt tests/install/requirements.txt docs/requirements.txt; do
+    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt tests/install/requirements.txt tests/examples/requirements.txt docs/requirements.txt; do
         requirements+=(-r "$file")
     done
     .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"
