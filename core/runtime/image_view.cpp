@@ -83,7 +83,7 @@ MemoryInfo inspect(cl_mem mem, const char *name, ::cl_context context) {
     check_opencl(clGetMemObjectInfo(mem, CL_MEM_TYPE, sizeof type, &type, nullptr), "clGetMemObjectInfo");
     if (type != CL_MEM_OBJECT_BUFFER)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("{} is a cl_image; clSpeckle takes buffers (clCreateBuffer)", name));
+                    fmt::format("{} is a cl_image; copy it into a buffer first (interop.h)", name));
     check_opencl(clGetMemObjectInfo(mem, CL_MEM_SIZE, sizeof bytes, &bytes, nullptr), "clGetMemObjectInfo");
     check_opencl(clGetMemObjectInfo(mem, CL_MEM_ASSOCIATED_MEMOBJECT, sizeof parent, &parent, nullptr),
                  "clGetMemObjectInfo");

@@ -127,6 +127,8 @@ void put_all(cl_icd_dispatch *table) {
     CLSP_PUT(clGetCommandQueueInfo, kPlain);
     CLSP_PUT(clCreateBuffer, kCreate);
     CLSP_PUT(clCreateSubBuffer, kCreate);
+    CLSP_PUT(clCreateImage, kCreate);
+    CLSP_PUT(clGetImageInfo, kPlain);
     CLSP_PUT(clRetainMemObject, kRetain);
     CLSP_PUT(clReleaseMemObject, kRelease);
     CLSP_PUT(clGetMemObjectInfo, kPlain);
@@ -153,6 +155,8 @@ void put_all(cl_icd_dispatch *table) {
     CLSP_PUT(clFinish, kPlain);
     CLSP_PUT(clEnqueueReadBuffer, kPlain);
     CLSP_PUT(clEnqueueWriteBuffer, kPlain);
+    CLSP_PUT(clEnqueueReadImage, kPlain);
+    CLSP_PUT(clEnqueueWriteImage, kPlain);
     CLSP_PUT(clEnqueueCopyBuffer, kPlain);
     CLSP_PUT(clEnqueueCopyBufferRect, kPlain);
     CLSP_PUT(clEnqueueFillBuffer, kPlain);

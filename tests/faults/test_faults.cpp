@@ -163,6 +163,53 @@ Outcome render_pattern(const clspeckle::Context &context) {
     return outcome;
 }
 
+// Light from a cl_image, codes into another one.
+Outcome cl_images(const clspeckle::Context &context) {
+    const auto own = [](cl_int code, const char *call) {
+        if (code != CL_SUCCESS)
+            throw clspeckle::Error(CLSP_ERROR_OPENCL, code, call, "the test's own call failed", "");
+    };
+    const auto make = [&](cl_channel_type type) {
+        const cl_image_format format{CL_R, type};
+        cl_image_desc desc{};
+        desc.image_type = CL_MEM_OBJECT_IMAGE2D;
+        desc.image_width = desc.image_height = side;
+        cl_int code = CL_SUCCESS;
+        auto made = clspeckle::ClImage::adopt(
+            clCreateImage(context.info().cl_context_handle, CL_MEM_READ_WRITE, &format, &desc, nullptr, &code));
+        own(code, "clCreateImage");
+        return made;
+    };
+    Outcome outcome;
+    put(outcome.bytes, std::string(context.interop_info().gl_textures_reason));
+    const clspeckle::Queue queue(context);
+    const clspeckle::ClImage picture = make(CL_FLOAT), codes = make(CL_UNSIGNED_INT16);
+    const std::vector<float> values(pixels, 0.5f);
+    const std::size_t origin[3] = {0, 0, 0}, region[3] = {side, side, 1};
+    own(clEnqueueWriteImage(queue, picture, CL_TRUE, origin, region, 0, 0, values.data(), 0, nullptr, nullptr), "clEnqueueWriteImage");
+    auto phase = clspeckle::make<ClspPhaseDesc>();
+    auto aperture = clspeckle::make<ClspApertureDesc>();
+    auto sensor = clspeckle::make<ClspSensorDesc>();
+    phase.width = aperture.width = sensor.width = side;
+    phase.height = aperture.height = sensor.height = side;
+    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase), clspeckle::Aperture(context, aperture),
+                                       clspeckle::Sensor(context, sensor));
+    const clspeckle::Buffer ideal(context, pixels * 4), output(context, pixels * 2);
+    auto frame = clspeckle::make<ClspFrame>();
+    frame.irradiance = ideal.image(side, side, CLSP_FORMAT_FLOAT32);
+    frame.output = output.image(side, side, CLSP_FORMAT_UINT16);
+    clspeckle::Event done;
+    picture.enqueue_import(context, queue, 0, frame.irradiance);
+    pipeline.enqueue_frame(queue, frame);
+    codes.enqueue_export(context, queue, frame.output, {}, &done);
+    done.wait();
+    std::vector<std::uint16_t> texels(pixels);
+    own(clEnqueueReadImage(queue, codes, CL_TRUE, origin, region, 0, 0, texels.data(), 0, nullptr, nullptr), "clEnqueueReadImage");
+    put(outcome.bytes, texels);
+    pipeline.check(queue);
+    return outcome;
+}
+
 Outcome doe(const clspeckle::Context &context) {
     std::vector<float> phase(6 * 4);
     for (std::size_t i = 0; i < phase.size(); ++i)
@@ -405,7 +452,7 @@ TEST_P(Faults, AreToldAndLeaveNothing) {
 
 INSTANTIATE_TEST_SUITE_P(All, Faults,
                          ::testing::Values(Scenario{"moving", render_moving, 400, 200, 20, moving_begun_anew},
-                                           Scenario{"pattern", render_pattern, 300, 150, 20},
+                                           Scenario{"pattern", render_pattern, 300, 150, 20}, Scenario{"cl_images", cl_images, 200, 100, 20},
                                            Scenario{"doe", doe, 200, 100, 20}, Scenario{"depth", depth, 200, 100, 20},
                                            Scenario{"diagnose", diagnose, 20, 20, 5}, Scenario{"reports", reports, 0, 300, 40},
                                            Scenario{"files", files, 0, 300, 200}, Scenario{"cold", cold, 40, 40, 40}),

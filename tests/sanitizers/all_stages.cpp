@@ -12,6 +12,7 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -39,11 +40,33 @@ void run_philox(const clspeckle::Context &context, const clspeckle::Queue &queue
     queue.finish();
 }
 
+// cl_images of both kinds of texels, and codes as fractions.
+void run_cl_images(const clspeckle::Context &context, const clspeckle::Queue &queue) {
+    for (const auto &[type, format] : {std::pair{CL_FLOAT, CLSP_FORMAT_FLOAT32X3}, {CL_UNSIGNED_INT16, CLSP_FORMAT_UINT16},
+                                       {CL_UNORM_INT8, CLSP_FORMAT_UINT8}}) {
+        const cl_image_format texel{CL_RGBA, static_cast<cl_channel_type>(type)};
+        cl_image_desc desc{};
+        desc.image_type = CL_MEM_OBJECT_IMAGE2D;
+        desc.image_width = desc.image_height = side;
+        cl_int code = CL_SUCCESS;
+        const auto texture = clspeckle::ClImage::adopt(
+            clCreateImage(context.info().cl_context_handle, CL_MEM_READ_WRITE, &texel, &desc, nullptr, &code));
+        if (code != CL_SUCCESS)
+            throw std::runtime_error("clCreateImage failed with " + std::to_string(code));
+        const Image image(context, format);
+        fill(image, queue, std::uint8_t{1});
+        texture.enqueue_export(context, queue, image.view);
+        texture.enqueue_import(context, queue, 1, image.view);
+        queue.finish();
+    }
+}
+
 void run() {
     const clspeckle::Context context;
     std::printf("device: %s\n", context.info().device_name);
     const clspeckle::Queue queue(context);
     run_philox(context, queue);
+    run_cl_images(context, queue);
     const Image words(context, CLSP_FORMAT_UINT32), ideal(context, CLSP_FORMAT_FLOAT32),
         result(context, CLSP_FORMAT_FLOAT32);
     const Image bytes(context, CLSP_FORMAT_UINT8), codes(context, CLSP_FORMAT_UINT16), mask(context, CLSP_FORMAT_UINT8);

@@ -14,6 +14,7 @@
 #include "dot_layout.h"
 #include "dots.h"
 #include "effects.h"
+#include "interop.h"
 #include "lens.h"
 #include "material.h"
 #include "motion.h"

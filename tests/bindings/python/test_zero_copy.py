@@ -222,6 +222,37 @@ def test_vectors(cl_queue: Any, shared: clspeckle.Context) -> None:
         np.testing.assert_array_equal(target.get().view(np.complex64).reshape(SHAPE), field)
 
 
+def test_cl_images_go_in_and_out(shared: Any, cl_queue: Any, device_camera: Any, ideal: Any, expected: Any) -> None:
+    cl_context = cl_queue.context
+    order, kind, flags = cl.channel_order, cl.channel_type, cl.mem_flags
+    texels = np.zeros((*SHAPE, 4), np.float32)
+    texels[..., 2] = ideal
+    picture = cl.create_image(cl_context, flags.READ_ONLY, cl.ImageFormat(order.RGBA, kind.FLOAT), shape=SHAPE[::-1])
+    codes = cl.create_image(
+        cl_context, flags.WRITE_ONLY, cl.ImageFormat(order.R, kind.UNSIGNED_INT16), shape=SHAPE[::-1]
+    )
+    written = cl.enqueue_copy(cl_queue, picture, texels, origin=(0, 0), region=SHAPE[::-1], is_blocking=False)
+    source = clspeckle.DeviceImage(SHAPE, context=shared)
+    target = clspeckle.DeviceImage(SHAPE, np.uint16, context=shared)
+    queue = clspeckle.Queue(shared, out_of_order=True)
+    imported = source.enqueue_import(picture, 2, queue=queue, wait_for=[written])
+    rendered = device_camera.enqueue_frame(source, target, frame_index=0, queue=queue, wait_for=[imported])
+    target.enqueue_export(codes.int_ptr, queue=queue, wait_for=[rendered]).wait()
+    result = np.empty(SHAPE, np.uint16)
+    cl.enqueue_copy(cl_queue, result, codes, origin=(0, 0), region=SHAPE[::-1])
+    np.testing.assert_array_equal(result, expected)
+
+    with pytest.raises(errors.InvalidFormatError, match="use CL_FLOAT"):
+        source.enqueue_export(codes)
+    with pytest.raises(errors.InvalidFormatError, match="first_channel is 4"):
+        source.enqueue_import(picture, 4)
+    with pytest.raises(TypeError, match=r"cl_image must be a pyopencl\.Image"):
+        source.enqueue_import(ideal)
+    foreign = clspeckle.DeviceImage.wrap(cl.Buffer(cl_context, flags.READ_WRITE, 4 * ideal.size), SHAPE, np.float32)
+    with pytest.raises(errors.InvalidArgumentError, match="give context="):
+        foreign.enqueue_import(picture, queue=cl_queue)
+
+
 def test_cl_images_and_shared_virtual_memory_are_refused(cl_context: Any, device_camera: Any) -> None:
     image = cl.create_image(
         cl_context,
@@ -229,7 +260,7 @@ def test_cl_images_and_shared_virtual_memory_are_refused(cl_context: Any, device
         cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT),
         shape=SHAPE[::-1],
     )
-    with pytest.raises(errors.InvalidArgumentError, match="cl_image"):
+    with pytest.raises(errors.InvalidArgumentError, match="cl_image; copy it into a buffer"):
         device_camera.render(image)
     dtype: Any = np.float32
     allocation: Any = cl.SVM(cl.csvm_empty(cl_context, SHAPE, dtype))

@@ -339,6 +339,12 @@ class Context : public detail::Shared<Context, ClspContext, clspContextRetain, c
         check(clspContextGetInfo(handle_, &result));
         return result;
     }
+    /** clspContextGetInteropInfo(): what it can share with other APIs. */
+    ClspInteropInfo interop_info() const {
+        auto result = make<ClspInteropInfo>();
+        check(clspContextGetInteropInfo(handle_, &result));
+        return result;
+    }
 
   private:
     Context(ClspContext handle, int) noexcept : Shared(handle) {}
@@ -433,6 +439,13 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
     /** Wraps the host's memory, which must outlive the wrapper. */
     static Buffer borrow(cl_mem mem, std::uint64_t size_bytes) noexcept { return Buffer(mem, size_bytes, false); }
 
+    /** clspBufferCreateFromFd(): memory of another API. @param type CLSP_EXTERNAL_MEMORY_*. */
+    static Buffer from_fd(const Context &context, std::uint32_t type, int fd, std::uint64_t size_bytes) {
+        cl_mem made = nullptr;
+        check(clspBufferCreateFromFd(context, type, fd, size_bytes, &made));
+        return Buffer(made, size_bytes, true);
+    }
+
     /** Of the memory, as it was made. */
     std::uint64_t size_bytes() const noexcept { return size_bytes_; }
 
@@ -486,6 +499,58 @@ class Buffer : public detail::Unique<cl_mem, clspBufferRelease> {
     Buffer(cl_mem mem, std::uint64_t size_bytes, bool owned) noexcept : Unique(mem, owned), size_bytes_(size_bytes) {}
     std::uint64_t size_bytes_ = 0;
 };
+
+/** A 2D image object of OpenCL, see interop.h; frames read and write buffers. */
+class ClImage : public detail::Unique<cl_mem, clspBufferRelease> {
+  public:
+    ClImage() noexcept = default;
+    /** clspClImageCreateFromGl(). */
+    static ClImage from_gl(const Context &context, cl_mem_flags flags, std::uint32_t target, std::int32_t level,
+                           std::uint32_t texture) {
+        cl_mem made = nullptr;
+        check(clspClImageCreateFromGl(context, flags, target, level, texture, &made));
+        return ClImage(made, true);
+    }
+    /** Takes over one reference of the host's cl_image. */
+    static ClImage adopt(cl_mem cl_image) noexcept { return ClImage(cl_image, true); }
+    /** Wraps the host's cl_image, which must outlive the wrapper. */
+    static ClImage borrow(cl_mem cl_image) noexcept { return ClImage(cl_image, false); }
+
+    /** Copies its channels from `first_channel` on into an image in a buffer. */
+    void enqueue_import(const Context &context, cl_command_queue queue, std::uint32_t first_channel,
+                        const ClspImage &image, const std::vector<cl_event> &wait_list = {},
+                        Event *event = nullptr) const {
+        detail::enqueue(wait_list, event, clspClImageEnqueueImport, context, queue, object_, first_channel, &image);
+    }
+    /** Copies an image in a buffer into it. */
+    void enqueue_export(const Context &context, cl_command_queue queue, const ClspImage &image,
+                        const std::vector<cl_event> &wait_list = {}, Event *event = nullptr) const {
+        detail::enqueue(wait_list, event, clspClImageEnqueueExport, context, queue, &image, object_);
+    }
+
+  private:
+    ClImage(cl_mem cl_image, bool owned) noexcept : Unique(cl_image, owned) {}
+};
+
+/** Objects shared with other APIs, see interop.h. */
+namespace shared {
+
+/** Takes them over from the other API. @param kind CLSP_SHARED_*. */
+inline void enqueue_acquire(const Context &context, cl_command_queue queue, std::uint32_t kind,
+                            const std::vector<cl_mem> &mems, const std::vector<cl_event> &wait_list = {},
+                            Event *event = nullptr) {
+    detail::enqueue(wait_list, event, clspSharedEnqueueAcquire, context, queue, kind,
+                    static_cast<std::uint32_t>(mems.size()), mems.data());
+}
+/** Gives them back. @param kind CLSP_SHARED_*. */
+inline void enqueue_release(const Context &context, cl_command_queue queue, std::uint32_t kind,
+                            const std::vector<cl_mem> &mems, const std::vector<cl_event> &wait_list = {},
+                            Event *event = nullptr) {
+    detail::enqueue(wait_list, event, clspSharedEnqueueRelease, context, queue, kind,
+                    static_cast<std::uint32_t>(mems.size()), mems.data());
+}
+
+} // namespace shared
 
 /** Philox4x32-10, see philox.h. */
 namespace philox {

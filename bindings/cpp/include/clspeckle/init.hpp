@@ -36,6 +36,7 @@ inline void init(ClspDoeDesignReport &value) { value.struct_size = sizeof(value)
 inline void init(ClspDotLayoutDesc &value) { check(clspDotLayoutDescInit(&value, sizeof(value))); }
 inline void init(ClspDotLayoutInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspDotsDesc &value) { check(clspDotsDescInit(&value, sizeof(value))); }
+inline void init(ClspInteropInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspLensDesc &value) { check(clspLensDescInit(&value, sizeof(value))); }
 inline void init(ClspMaterial &value) { check(clspMaterialInit(&value, sizeof(value))); }
 inline void init(ClspPatternDesc &value) { check(clspPatternDescInit(&value, sizeof(value))); }

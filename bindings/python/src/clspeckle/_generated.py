@@ -49,6 +49,8 @@ CLSP_DOE_SOURCE_COMPUTED, CLSP_DOE_SOURCE_MEMORY, CLSP_DOE_SOURCE_DISK, CLSP_DOE
 CLSP_DOE_RULE_GSW, CLSP_DOE_RULE_NOGRETTE, CLSP_DOE_RULE_KIM = 1, 2, 3
 CLSP_MAX_DOE_SIDE, CLSP_MAX_DOE_LEVELS, CLSP_MAX_DOE_ORDERS, CLSP_MAX_LAYOUT_DOTS = 8192, 256, 1000000, 100000
 CLSP_MAX_DOTS = 1000000
+CLSP_EXTERNAL_MEMORY_OPAQUE_FD, CLSP_EXTERNAL_MEMORY_DMA_BUF = 1, 2
+CLSP_SHARED_GL, CLSP_SHARED_EXTERNAL = 0, 1
 CLSP_LENS_RADIUS_CORNER, CLSP_LENS_RADIUS_FOCAL_LENGTH = 0, 1
 CLSP_INTERPOLATION_NEAREST, CLSP_INTERPOLATION_LINEAR, CLSP_INTERPOLATION_CUBIC = 0, 1, 2
 CLSP_MAX_MATERIALS = 256
@@ -360,6 +362,13 @@ class ClspDotsDesc(Structure):
     ]
 
 
+class ClspInteropInfo(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("cl_images", _u32), ("gl_textures", _u32), ("external_memory", _u32),
+        ("cl_images_reason", _char * 256), ("gl_textures_reason", _char * 256), ("external_memory_reason", _char * 256),
+    ]
+
+
 class ClspLensDesc(Structure):
     _fields_ = [
         ("struct_size", _u32), ("width", _u32), ("height", _u32), ("radius_unit", _u32), ("cos4_falloff", _u32),
@@ -662,6 +671,13 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspDotsRelease": (_void,),
     "clspDotsConfigure": (_void, _P(ClspDotsDesc)),
     "clspDotsEnqueueRender": (_void, _void, _P(ClspImage), _u32, _P(_void), _P(_void)),
+    "clspContextGetInteropInfo": (_void, _P(ClspInteropInfo)),
+    "clspClImageEnqueueImport": (_void, _void, _void, _u32, _P(ClspImage), _u32, _P(_void), _P(_void)),
+    "clspClImageEnqueueExport": (_void, _void, _P(ClspImage), _void, _u32, _P(_void), _P(_void)),
+    "clspClImageCreateFromGl": (_void, _u64, _u32, _i32, _u32, _P(_void)),
+    "clspBufferCreateFromFd": (_void, _u32, _i32, _u64, _P(_void)),
+    "clspSharedEnqueueAcquire": (_void, _void, _u32, _u32, _P(_void), _u32, _P(_void), _P(_void)),
+    "clspSharedEnqueueRelease": (_void, _void, _u32, _u32, _P(_void), _u32, _P(_void), _P(_void)),
     "clspLensDescInit": (_P(ClspLensDesc), _u32),
     "clspLensCreate": (_void, _P(ClspLensDesc), _P(_void)),
     "clspLensRetain": (_void,),
@@ -789,9 +805,9 @@ STRUCTS: tuple[type[Structure], ...] = (
     ClspEffectInfo, ClspHypothesisFrame, ClspHypothesis, ClspDiagnoseDesc, ClspDiagnosisSummary, ClspDiagnosisRanked,
     ClspDiagnosisParameter, ClspDiagnosisPlace, ClspDiagnosisStep, ClspBeamProfile, ClspDoeDefects, ClspDoePatternDesc,
     ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder, ClspDoeDesignDesc, ClspDoeDesignReport,
-    ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspLensDesc, ClspMaterial, ClspPatternDesc, ClspGeometry,
-    ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc,
-    ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspProfileInfo, ClspProfileEffect,
+    ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspInteropInfo, ClspLensDesc, ClspMaterial, ClspPatternDesc,
+    ClspGeometry, ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance,
+    ClspPhiloxDesc, ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspProfileInfo, ClspProfileEffect,
     ClspProfileSequence, ClspProfileMap, ClspDeviceInfo, ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize,
     ClspTuningDesc,
 )

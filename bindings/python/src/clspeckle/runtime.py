@@ -1008,6 +1008,53 @@ class DeviceImage:
             )
         )
 
+    def enqueue_import(
+        self,
+        cl_image: SupportsIntPtr | int,
+        first_channel: int = 0,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Starts a copy of a cl_image of the same size into the image, on the device.
+
+        Args:
+            cl_image: ``pyopencl.Image`` of two dimensions, or a cl_mem as an integer: floats, halves or fractions into
+                float32, unsigned integers or fractions of as many bits into uint8, uint16 or uint32.
+            first_channel: 0 (red) to 3 (alpha): that of the first component; the others follow it.
+
+        Raises:
+            InvalidFormatError: the two hold different things; the message says what goes together.
+            UnsupportedError: the device has no images.
+        """
+        channel = _check.integer(first_channel, "first_channel")
+        picture = _interop.handle(cl_image, "Image", "cl_image")
+        image = ctypes.byref(self.struct())
+        return self._enqueue("clspClImageEnqueueImport", picture, channel, image, queue=queue, wait_for=wait_for)
+
+    def enqueue_export(
+        self,
+        cl_image: SupportsIntPtr | int,
+        *,
+        queue: QueueLike | None = None,
+        wait_for: Sequence[EventLike] | None = None,
+    ) -> Event:
+        """Starts a copy of the image into a cl_image of the same size, from red on; other channels become 0, alpha 1.
+
+        Arguments and errors as for :meth:`enqueue_import`.
+        """
+        picture = _interop.handle(cl_image, "Image", "cl_image")
+        image = ctypes.byref(self.struct())
+        return self._enqueue("clspClImageEnqueueExport", image, picture, queue=queue, wait_for=wait_for)
+
+    def _enqueue(
+        self, name: str, *arguments: Any, queue: QueueLike | None, wait_for: Sequence[EventLike] | None
+    ) -> Event:
+        if self.context is None:
+            raise errors.InvalidArgumentError("this image looks at foreign memory; give context= to wrap()")
+        waiting = _interop.wait_list(wait_for, self._pending())
+        return self._notify(enqueue(name, self.context._get(), self._queue(queue), *arguments, waiting=waiting))
+
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         if copy is False:
             raise ValueError("an image in device memory cannot be looked at without a copy")
