@@ -1,5 +1,6 @@
-// cl_images into images in buffers and back. The build names the type of a COMPONENT, the number of COMPONENTS of a pixel, whether the
-// cl_image's texels are INTEGERS, and CODES: the largest code, where a cl_image holds codes as fractions of it (UNORM), else 0.
+// cl_images into images in buffers and back. The build names the type of a COMPONENT, the number of COMPONENTS of a
+// pixel, whether the cl_image's texels are INTEGERS, and CODES: the largest code, where a cl_image holds codes as
+// fractions of it (UNORM), else 0.
 #include "common/common.h"
 
 #if INTEGERS
@@ -14,7 +15,8 @@ typedef float4 texel_t;
 #define WRITE_TEXEL write_imagef
 #endif
 
-__kernel void cl_image_import(__read_only image2d_t image, uint first_channel, __global COMPONENT *to, ulong offset, uint pitch) {
+__kernel void cl_image_import(__read_only image2d_t image, uint first_channel, __global COMPONENT *to, ulong offset,
+                              uint pitch) {
     const sampler_t nearest = CLK_NORMALIZED_COORDS_FALSE | CLK_ADDRESS_CLAMP_TO_EDGE | CLK_FILTER_NEAREST;
     const uint x = get_global_id(0), y = get_global_id(1);
     const texel_t texel = READ_TEXEL(image, nearest, (int2)((int)x, (int)y));
