@@ -1,14 +1,13 @@
-// GL textures and memory of other APIs, on a driver that has them: this program stands between the library and the real
-// one, which has neither. Its GL textures are cl_images; its file descriptors are mapped into the process, as a driver
-// for a CPU would do it.
+// GL textures and memory of other APIs: this program stands between the library and the driver, whose own it hides. Its
+// GL textures are cl_images; its file descriptors are mapped into the process, as a driver for a CPU would do it.
 #include "test_support.hpp"
 
-#include <cstdarg>
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <map>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -144,12 +143,21 @@ extern "C" {
 cl_int clGetDeviceInfo(cl_device_id device, cl_device_info what, size_t size, void *value, size_t *size_ret) {
     if (what == CL_DEVICE_IMAGE_SUPPORT && !driver::images)
         return driver::answer(std::vector<cl_bool>{CL_FALSE}, size, value, size_ret);
-    if (what == 0x204F && !driver::import_types.empty())
-        return driver::answer(driver::import_types, size, value, size_ret);
-    if (what == CL_DEVICE_EXTENSIONS && (driver::gl_sharing || !driver::import_types.empty())) {
-        const std::string text = std::string("cl_khr_gl_sharing_not ") +
-                                 (driver::gl_sharing ? "cl_khr_gl_sharing " : "") +
-                                 (driver::import_types.empty() ? "" : "cl_khr_external_memory");
+    if (what == 0x204F)
+        return driver::import_types.empty() ? CL_INVALID_VALUE
+                                            : driver::answer(driver::import_types, size, value, size_ret);
+    if (what == CL_DEVICE_EXTENSIONS) { // the device's, but for what this driver has of its own
+        std::vector<char> own(1 << 16);
+        const cl_int code = REAL(clGetDeviceInfo)(device, what, own.size(), own.data(), nullptr);
+        if (code != CL_SUCCESS)
+            return code;
+        std::string text;
+        std::istringstream names(own.data());
+        for (std::string name; names >> name;)
+            if (name != "cl_khr_gl_sharing" && name.rfind("cl_khr_external_memory", 0) != 0)
+                text += name + ' ';
+        text += std::string("cl_khr_gl_sharing_not ") + (driver::gl_sharing ? "cl_khr_gl_sharing " : "") +
+                (driver::import_types.empty() ? "" : "cl_khr_external_memory");
         return driver::answer(std::vector<char>(text.c_str(), text.c_str() + text.size() + 1), size, value, size_ret);
     }
     return REAL(clGetDeviceInfo)(device, what, size, value, size_ret);
@@ -222,7 +230,7 @@ class Interop : public test::DeviceTest {
 };
 
 TEST_F(Interop, InfoSaysWhatThereIsAndWhyNot) {
-    ClspInteropInfo info = context.interop_info(); // the real driver's
+    ClspInteropInfo info = context.interop_info(); // of a driver that has neither
     EXPECT_EQ(1u, info.cl_images);
     EXPECT_STREQ("", info.cl_images_reason);
     EXPECT_EQ(0u, info.gl_textures);
@@ -333,7 +341,7 @@ TEST_F(Interop, WhatIsNotThereIsToldInWords) {
     const auto acquire = [&](std::uint32_t kind) {
         return clspSharedEnqueueAcquire(context, queue, kind, 1, &mem, 0, nullptr, nullptr);
     };
-    // The real driver.
+    // A driver that has neither.
     test::poison_last_error("clspClImageCreateFromGl");
     EXPECT_TRUE(test::failed_as("clspClImageCreateFromGl",
                                 create_gl(CL_MEM_READ_ONLY, gl_texture_2d, 0, driver::texture_float),
