@@ -68,6 +68,12 @@ double Candidate::strength(std::size_t parameter, double value, double sign) con
                            : (value - scale.weak) / (scale.strong - scale.weak);
 }
 
+double Candidate::weakest(std::size_t parameter) const {
+    const HypothesisParameter &p = parameters[parameter];
+    const bool fades = p.weak != p.strong && !p.whole && scale_of(p).geometric;
+    return fades ? kStrengths.faintest : kStrengths.weakest;
+}
+
 double Candidate::snapped(std::size_t parameter, double at, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
     const double held = this->clamped(parameter, at, sign);

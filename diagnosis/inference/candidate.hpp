@@ -24,6 +24,8 @@ struct Candidate {
     double value(std::size_t parameter, double strength, double sign = 1.0) const;
     // The strength at which a parameter has a value.
     double strength(std::size_t parameter, double value, double sign = 1.0) const;
+    // Where a parameter's strengths begin.
+    double weakest(std::size_t parameter) const;
     // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
     // it is one.
     double snapped(std::size_t parameter, double strength, double sign = 1.0) const;

@@ -128,6 +128,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
         tell("screening " + candidate.id, 0.0);
         Answer answer;
         answer.candidate = &candidate;
+        answer.first = answer.second = Response(candidate.weakest(0));
         FoldStatistics moved; // by the first strength that changed something in the wanted direction, or the last one
         double square = 0.0, screened_at = 0.0;
         Eigen::VectorXd direction;
@@ -175,7 +176,7 @@ std::vector<Answer> Closing::screen(const EffectModel &model, std::vector<Surplu
 double Closing::best_strength(const Answer &answer) const {
     const Eigen::VectorXd target = whitened(rest_.first);
     double best = 1e300, at = 0.5;
-    for (double u = kStrengths.weakest; u <= kStrengths.strongest; u += kStrengths.grid_step) {
+    for (double u = answer.candidate->weakest(0); u <= kStrengths.strongest; u += kStrengths.grid_step) {
         const double square = (target - whitened(answer.first.at(u))).squaredNorm();
         if (square < best) {
             best = square;
@@ -235,8 +236,9 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
         }
         if (round + 1 == kFit.rounds)
             break;
-        const Eigen::VectorXd step = solve_least_squares(whiten_columns(metric_->fold(), result.jacobian),
-                                                         whitened(difference_.first - moved.first));
+        const Eigen::MatrixXd columns = whiten_columns(metric_->fold(), result.jacobian);
+        Eigen::VectorXd step = solve_least_squares(columns, whitened(difference_.first - moved.first));
+        stop_where_nothing_shows(model, columns, step);
         EffectModel next = model;
         const double largest = move_strengths(next, step);
         FoldStatistics there;
@@ -276,9 +278,10 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     // A last, linear step with the scatter of cameras that have the effects; then how far the same step strays by
     // chance.
     const Covariance &fold = result.model->fold();
-    const Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
-                                     .cwiseMax(-kFit.largest_step)
-                                     .cwiseMin(kFit.largest_step);
+    Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
+                               .cwiseMax(-kFit.largest_step)
+                               .cwiseMin(kFit.largest_step);
+    stop_where_nothing_shows(model, whiten_columns(fold, result.jacobian), step);
     const EffectModel last = model;
     move_strengths(model, step);
     const Eigen::VectorXd change_of_last = result.jacobian * model.distance_from(last);

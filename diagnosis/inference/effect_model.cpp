@@ -155,6 +155,13 @@ double move_one(EffectModel &model, Eigen::Index strength, double part) {
     return moved != 0.0 ? moved : step != 0.0 ? step : 1.0; // what has one value only changes nothing
 }
 
+void stop_where_nothing_shows(const EffectModel &model, const Eigen::MatrixXd &columns, Eigen::VectorXd &step) {
+    for (Eigen::Index p = 0; p < step.size(); ++p)
+        if (model.strengths[static_cast<std::size_t>(p)].strength <= kStrengths.weakest && step[p] < 0.0 &&
+            columns.col(p).norm() < kStrengths.least_slope)
+            step[p] = 0.0;
+}
+
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {
     double largest = 0.0;
     for (std::size_t p = 0; p < model.strengths.size(); ++p) {
@@ -162,7 +169,7 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double st
         Strength &s = model.strengths[p];
         const ModelEffect &effect = model.effects[s.effect];
         const double end = std::max(strongest, s.reach);
-        s.strength = effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, kStrengths.weakest, end),
+        s.strength = effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, effect.candidate->weakest(s.parameter), end),
                                                effect.sign);
         largest = std::max(largest, std::abs(bounded));
     }

@@ -59,6 +59,7 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
         step = Eigen::VectorXd::Zero(parameters);
         if (!free.empty())
             step(free) = solve_least_squares(columns(Eigen::all, free), target);
+        stop_where_nothing_shows(fit.model, columns, step);
         fit.square = (target - columns * step).squaredNorm();
     };
     for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {

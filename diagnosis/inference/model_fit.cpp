@@ -79,7 +79,7 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
         return sum;
     }
     double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    for (double u = kStrengths.weakest; u <= strongest_; u += kStrengths.grid_step) {
+    for (double u = response->weakest(); u <= strongest_; u += kStrengths.grid_step) {
         const Eigen::VectorXd change = covariance.whiten(response->at(u));
         for (int h = 0; h < 3; ++h) {
             const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);

@@ -70,10 +70,20 @@ const Change &Response::nearest(double strength) const {
     return changes_[best];
 }
 
+Eigen::VectorXd Response::faded(double strength) const {
+    const Eigen::ArrayXd weakest = changes_[0].mean, next = changes_[1].mean;
+    const double steps = (strengths_[0] - strength) / (strengths_[1] - strengths_[0]);
+    // What does not grow with the strength is chance, or no law of it: it stays.
+    const Eigen::ArrayXd ratio = (weakest.abs() / next.abs().max(1e-300)).min(1.0);
+    return weakest * ratio.pow(steps);
+}
+
 Eigen::VectorXd Response::at(double strength) const {
     const std::size_t n = strengths_.size();
     if (n == 1)
         return changes_.front().mean;
+    if (weakest_ < kStrengths.weakest && strength < strengths_.front())
+        return faded(strength);
     // The window of three (or two) knots nearest to the strength.
     const std::size_t width = std::min<std::size_t>(3, n);
     std::size_t begin = 0;

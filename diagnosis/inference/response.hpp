@@ -4,6 +4,7 @@
 
 #include "inference/candidate.hpp"
 #include "inference/replicate_runner.hpp"
+#include "inference/thresholds.hpp"
 
 #include <Eigen/Core>
 
@@ -40,6 +41,9 @@ Change simulate_change(ReplicateRunner &runner, const Pool &base, const EffectSe
 // lines cost false rejections).
 class Response {
   public:
+    // weakest: where the strengths begin. Below the catalogue's range each statistic follows the power law of the two
+    // weakest simulated strengths.
+    explicit Response(double weakest = kStrengths.weakest) : weakest_(weakest) {}
     void add(double strength, Change change);
     bool empty() const { return strengths_.empty(); }
     std::size_t size() const { return strengths_.size(); }
@@ -48,7 +52,12 @@ class Response {
     double distance(double strength) const; // to the nearest simulated one
     Eigen::VectorXd at(double strength) const;
 
+    double weakest() const { return weakest_; }
+
   private:
+    Eigen::VectorXd faded(double strength) const;
+
+    double weakest_;
     std::vector<double> strengths_; // ascending
     std::vector<Change> changes_;
 };

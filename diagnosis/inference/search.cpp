@@ -192,6 +192,7 @@ std::vector<Refined> Search::screen(SearchState &state, const FittedModel &fitte
         const Candidate &candidate = *one;
         Refined refined;
         refined.candidate = one;
+        refined.response = Response(candidate.weakest(0));
         refined.concerned = fits_.concerned(candidate.id);
         if (model.has(candidate) ||
             std::none_of(refined.concerned.begin(), refined.concerned.end(), [](bool c) { return c; }))
@@ -277,7 +278,7 @@ void Search::screen_along_lines(std::vector<Refined> &refined, const SearchState
         const bool turns = refined[i].candidate->has_direction();
         for (const double sign : {1.0, -1.0})
             if (sign > 0.0 || turns)
-                lines.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response{}});
+                lines.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response(refined[i].candidate->weakest(0))});
     }
     const double before = fits_.held_out(fitted);
     runner_.side_by_side(lines.size(), [&](ReplicateRunner &runner, std::size_t k) {

@@ -357,6 +357,20 @@ TEST(Response, ParabolasAreReproduced) {
     EXPECT_NEAR(response.distance(0.4), 0.1, 1e-12);
 }
 
+TEST(Response, FadesByThePowerLawOfItsWeakest) {
+    Response response(kStrengths.faintest);
+    // Of the square of a value five times as large a strength further on, of its root, against it, and of none.
+    const auto law = [](double u) {
+        return Eigen::Vector4d(2.0 * std::pow(25.0, u), std::pow(5.0, 0.5 * u), -std::pow(5.0, u), 0.0);
+    };
+    for (const double u : {0.0, 0.5, 1.0})
+        response.add(u, {law(u), {}, {}});
+    for (const double u : {-2.7, -1.0, -0.2})
+        for (int i = 0; i < 4; ++i)
+            EXPECT_NEAR(response.at(u)[i], law(u)[i], 1e-12) << u;
+    EXPECT_EQ(response.at(0.5), law(0.5));
+}
+
 TEST(Advice, NamesACaptureForConfusableEffects) {
     EXPECT_TRUE(advice_for({}).empty());
     EXPECT_TRUE(advice_for({"linewidth"}).empty());
@@ -632,6 +646,55 @@ TEST(Diagnosis, AFallOffThatTheLightsShareIsInTheInterval) {
 
 // Beyond the common range (0.67), whose end with a last step from there once counted as an explanation: one that went
 // too far, to 0.98, or beside a second effect. 1 is all that there can be.
+// Speckle that lives 150 times as long as the catalogue's weakest: seen in the noise of neighbours, and not to be taken for
+// photons, of which the same capture has some.
+TEST(Diagnosis, AnEffectFadesBelowTheCatalogue) {
+    CaptureLayout layout = larger_layout();
+    add_sequence(layout, "board_static", CaptureScene::kBoard, false, 24);
+    layout.f_number = 16.0;
+    layout.read_noise_dn = 0.5;
+    const double frames = 9000.0, gain = 0.02;
+    const EffectSettings effects = {{"shot_noise", {gain}}, {"surface_boiling", {frames}}};
+    const Capture capture = simulated(effects, kCaptureSeed + 310, {}, layout, 63.2, 0.5);
+    DiagnosisOptions options = quick(1);
+    options.without = {"airflow", "vibration"};
+    const DiagnosisResult result = diagnose(context(), capture, options);
+    const auto value = [&](const char *effect) {
+        for (const FittedParameter &p : result.parameters)
+            if (p.effect == effect)
+                return p.value;
+        return 0.0;
+    };
+    EXPECT_NEAR(value("shot_noise"), gain, 0.05 * gain);
+    EXPECT_NEAR(value("surface_boiling"), frames, 0.1 * frames);
+    EXPECT_FALSE(result.residual_detected);
+}
+
+// Down there a step goes on only where something is left to see.
+TEST(Diagnosis, AStepEndsWhereNothingShows) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const auto find = [&](const char *id) {
+        return std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    };
+    EffectModel model;
+    model.add(*find("row_noise"), 1.0, kStrengths.weakest);
+    model.add(*find("row_fpn"), 1.0, kStrengths.weakest);
+    model.add(*find("column_fpn"), 1.0, 0.0);
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(4, 3);
+    columns(0, 0) = 1.01 * kStrengths.least_slope;
+    columns(1, 1) = 0.99 * kStrengths.least_slope;
+    Eigen::VectorXd step = Eigen::VectorXd::Constant(3, -0.3);
+    stop_where_nothing_shows(model, columns, step);
+    EXPECT_EQ(step, Eigen::Vector3d(-0.3, 0.0, -0.3));
+    for (int i = 0; i < 30; ++i)
+        move_strengths(model, Eigen::VectorXd::Constant(3, -0.3));
+    EXPECT_EQ(model.strengths.front().strength, kStrengths.faintest);
+    // What is no ratio turns below its range.
+    EXPECT_EQ(find("gamma")->weakest(0), kStrengths.weakest);
+    EXPECT_EQ(find("pixel_integration")->weakest(0), kStrengths.weakest);
+    EXPECT_EQ(find("surface_boiling")->weakest(0), kStrengths.faintest);
+}
+
 TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
     for (std::uint64_t i = 0; i < 8; ++i) {
         const DiagnosisResult result =
