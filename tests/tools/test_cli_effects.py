@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_support import Run, frames
+from cli_support import PROGRAM, ROOT, Run, frames
 
 OUTPUT = ["--format", "npy", "--no-preview", "--seed", 4, "--exposure-gain", 300]
 
@@ -30,6 +33,14 @@ def test_list_of_effects(ok) -> None:
             assert parameter["minimum"] <= parameter["middle"] <= parameter["maximum"]
             assert 2 * parameter["middle"] == pytest.approx(parameter["weak"] + parameter["strong"])
     assert "--effect" in text
+
+
+def test_the_tables_of_the_docs_are_the_records(ok) -> None:
+    script = [sys.executable, ROOT / "scripts" / "effect_table.py", "--check", PROGRAM]
+    check = subprocess.run(script, capture_output=True, text=True, check=False)
+    assert check.returncode == 0, check.stderr
+    described = (ROOT / "docs" / "reference" / "effects.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` ", described, re.MULTILINE) == [effect["id"] for effect in catalogue(ok)]
 
 
 def test_effects_change_the_frames(ok, ideal: Path, tmp_path: Path) -> None:

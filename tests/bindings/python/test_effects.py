@@ -104,16 +104,6 @@ def test_whole_numbers_are_those_that_take_no_fraction(camera: clspeckle.Pipelin
     assert {p.name for e in clspeckle.effects() for p in e.parameters if p.whole} >= {"bits", "centered"}
 
 
-def test_every_effect_has_its_line_in_the_docs() -> None:
-    described = (KERNELS.parent / "docs" / "reference" / "effects.md").read_text(encoding="utf-8")
-    lines = {match[1]: match[0] for match in re.finditer(r"^\| `(\w+)` .*$", described, re.MULTILINE)}
-    assert list(lines) == IDS
-    for effect in clspeckle.effects():
-        cells = [cell.strip() for cell in lines[effect.id].split("|")]
-        assert cells[2] == effect.stage
-        assert re.findall(r"`(\w+)`", cells[4]) == [parameter.name for parameter in effect.parameters]
-
-
 @pytest.mark.parametrize("effect", IDS)
 def test_on_changes_the_frames_and_off_restores_them(
     camera: clspeckle.Pipeline, plain: npt.NDArray[Any], effect: str
