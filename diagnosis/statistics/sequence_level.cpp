@@ -2,11 +2,13 @@
 
 #include "runtime/error.hpp"
 #include "statistics/geometry.hpp"
+#include "statistics/sums.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace clsp {
 
@@ -26,16 +28,10 @@ Totals sum_codes(const Geometry &geometry, const std::uint16_t *codes) {
     totals.pixel.assign(geometry.pixels, 0);
     for (std::size_t t = 0; t < geometry.frames; ++t) {
         const std::uint16_t *frame = codes + t * geometry.pixels;
-        std::uint64_t total = 0;
-        for (std::size_t i = 0; i < geometry.pixels; ++i)
-            totals.pixel[i] += frame[i];
-        if (geometry.is_masked()) {
+        std::uint64_t total = statistics::count_up(totals.pixel.data(), frame, geometry.pixels);
+        if (geometry.is_masked())
             for (std::size_t i = 0; i < geometry.pixels; ++i)
-                total += geometry.weight[i] != 0.0f ? frame[i] : 0u;
-        } else {
-            for (std::size_t i = 0; i < geometry.pixels; ++i)
-                total += frame[i];
-        }
+                total -= geometry.weight[i] != 0.0f ? 0u : frame[i];
         totals.frame_mean.push_back(double(total) / double(geometry.used));
         totals.mean += totals.frame_mean.back() / double(geometry.frames);
     }
@@ -70,14 +66,12 @@ double capped_mean(const std::vector<float> &variances, std::size_t frames) {
 // Variance over time of each unmasked pixel, with all that rows and columns do.
 std::vector<float> plain_variances(const Geometry &geometry, const std::uint16_t *codes, const Totals &totals) {
     const std::vector<float> mean = mean_image(geometry, totals);
-    std::vector<float> squares(geometry.pixels), variances;
+    std::vector<float> squares(geometry.pixels), rest(geometry.pixels), variances;
     for (std::size_t t = 0; t < geometry.frames; ++t) {
-        const std::uint16_t *frame = codes + t * geometry.pixels;
         const float offset = float(totals.frame_mean[t] - totals.mean);
-        for (std::size_t i = 0; i < geometry.pixels; ++i) {
-            const float rest = float(frame[i]) - mean[i] - offset;
-            squares[i] += rest * rest;
-        }
+        statistics::limited_rest(rest.data(), codes + t * geometry.pixels, mean.data(), offset,
+                                 std::numeric_limits<float>::infinity(), geometry.pixels);
+        statistics::add_squares(squares.data(), rest.data(), geometry.pixels);
     }
     variances.reserve(geometry.used);
     for (std::size_t i = 0; i < geometry.pixels; ++i)
@@ -97,14 +91,10 @@ std::vector<float> pixel_variances(const Geometry &geometry, const std::uint16_t
     for (std::size_t t = 0; t < frames; ++t) {
         const std::uint16_t *frame = codes + t * geometry.pixels;
         const float offset = float(totals.frame_mean[t] - totals.mean);
-        for (std::size_t i = 0; i < geometry.pixels; ++i)
-            rest[i] = float(frame[i]) - mean[i] - offset;
-        if (geometry.is_masked())
-            for (std::size_t i = 0; i < geometry.pixels; ++i)
-                rest[i] *= geometry.weight[i];
         // One jumping pixel is not to lend its jump to its row and column.
-        for (std::size_t i = 0; i < geometry.pixels; ++i)
-            rest[i] = std::min(std::max(rest[i], -limit), limit);
+        statistics::limited_rest(rest.data(), frame, mean.data(), offset, limit, geometry.pixels);
+        if (geometry.is_masked())
+            statistics::multiply(rest.data(), rest.data(), geometry.weight.data(), geometry.pixels);
         std::fill(columns.begin(), columns.end(), 0.0f);
         double all = 0.0;
         for (std::size_t y = 0; y < height; ++y) {
@@ -112,18 +102,15 @@ std::vector<float> pixel_variances(const Geometry &geometry, const std::uint16_t
             const double total = statistics::sum(row, width);
             rows[y] = float(statistics::ratio(total, geometry.row_used[y]));
             all += total;
-            for (std::size_t x = 0; x < width; ++x)
-                columns[x] += row[x];
+            statistics::add(columns.data(), row, width);
         }
         // The mean of all is taken out with the rows and again with the columns.
         const float mean_of_all = float(all / double(geometry.used));
         for (std::size_t x = 0; x < width; ++x)
             columns[x] = float(statistics::ratio(double(columns[x]), geometry.column_used[x])) - mean_of_all;
         for (std::size_t y = 0; y < height; ++y)
-            for (std::size_t x = 0; x < width; ++x) {
-                const float value = rest[y * width + x] - rows[y] - columns[x];
-                squares[y * width + x] += value * value;
-            }
+            statistics::add_squared_rest(squares.data() + y * width, rest.data() + y * width, columns.data(), rows[y],
+                                         width);
     }
     // Means of rows and columns take their share of the degrees of freedom.
     double used_rows = 0.0, used_columns = 0.0;

@@ -143,6 +143,40 @@ CLSP_BODY void residual_codes_body(float *__restrict residual, const std::uint16
         residual[i] = s.factor * (float(codes[i]) - s.black) - s.shift - mean[i];
 }
 
+CLSP_BODY std::uint64_t count_up_body(std::uint32_t *__restrict into, const std::uint16_t *__restrict codes,
+                                      std::size_t count) {
+    // As many codes as a sum of 32 bits holds.
+    constexpr std::size_t kRun = 65536;
+    std::uint64_t total = 0;
+    for (std::size_t begin = 0; begin < count; begin += kRun) {
+        const std::size_t end = count - begin < kRun ? count : begin + kRun;
+        std::uint32_t part = 0;
+        for (std::size_t i = begin; i < end; ++i) {
+            into[i] += codes[i];
+            part += codes[i];
+        }
+        total += part;
+    }
+    return total;
+}
+
+CLSP_BODY void limited_rest_body(float *__restrict rest, const std::uint16_t *__restrict codes,
+                                 const float *__restrict mean, float offset, float limit, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+        const float value = float(codes[i]) - mean[i] - offset;
+        const float above = value < -limit ? -limit : value;
+        rest[i] = above > limit ? limit : above;
+    }
+}
+
+CLSP_BODY void add_squared_rest_body(float *__restrict into, const float *__restrict a, const float *__restrict b,
+                                     float offset, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+        const float value = a[i] - offset - b[i];
+        into[i] += value * value;
+    }
+}
+
 CLSP_WIDTHS(Powers, powers, (const float *a, std::size_t count), (a, count))
 
 } // namespace
@@ -160,6 +194,14 @@ CLSP_WIDTHS(void, add_codes, (float *into, const std::uint16_t *codes, const Cod
 CLSP_WIDTHS(void, residual_codes,
             (float *residual, const std::uint16_t *codes, const CodeScale &scale, const float *mean, std::size_t count),
             (residual, codes, scale, mean, count))
+
+CLSP_WIDTHS(std::uint64_t, count_up, (std::uint32_t *into, const std::uint16_t *codes, std::size_t count),
+            (into, codes, count))
+CLSP_WIDTHS(void, limited_rest,
+            (float *rest, const std::uint16_t *codes, const float *mean, float offset, float limit, std::size_t count),
+            (rest, codes, mean, offset, limit, count))
+CLSP_WIDTHS(void, add_squared_rest,
+            (float *into, const float *a, const float *b, float offset, std::size_t count), (into, a, b, offset, count))
 
 void Powers::add(const float *a, std::size_t count) {
     add(powers(a, count));

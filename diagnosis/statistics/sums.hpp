@@ -33,6 +33,14 @@ void add_codes(float *into, const std::uint16_t *codes, const CodeScale &scale, 
 void residual_codes(float *residual, const std::uint16_t *codes, const CodeScale &scale, const float *mean,
                     std::size_t count);
 
+// The codes themselves: into += codes, and their sum.
+std::uint64_t count_up(std::uint32_t *into, const std::uint16_t *codes, std::size_t count);
+// rest = codes - mean - offset, within +-limit.
+void limited_rest(float *rest, const std::uint16_t *codes, const float *mean, float offset, float limit,
+                  std::size_t count);
+// into += (a - b - offset)^2.
+void add_squared_rest(float *into, const float *a, const float *b, float offset, std::size_t count);
+
 struct Powers {
     double sum = 0.0, square = 0.0, cube = 0.0, fourth = 0.0;
     void add(const float *a, std::size_t count);
