@@ -17,10 +17,12 @@ from typing import Any
 import numpy as np
 
 try:
-    from .camera_view import SceneError, View, rays
-except ImportError:  # in the checkout the file is two folders up; in the add-on's archive it is beside this one
+    from . import camera_view
+except ImportError:  # in the checkout it is two folders up; in the add-on's archive it is beside this file
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-    from camera_view import SceneError, View, rays
+    import camera_view
+
+SceneError, View, rays = camera_view.SceneError, camera_view.View, camera_view.rays
 
 # Blender's camera axes (x right, y up, z backward) to ours (x right, y down, z forward).
 OURS_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
