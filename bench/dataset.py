@@ -27,8 +27,8 @@ import numpy as np
 
 import clspeckle
 from clspeckle import dataset
+from clspeckle.dataset import formats
 from clspeckle.dataset import recipe as recipes
-from clspeckle.dataset import shards
 
 CAMERA = {"f_number": [3.2, 8], "read_noise_dn": {"log": [1, 8]}, "bits": [8, 10], "exposure_gain_dn": 300}
 
@@ -73,8 +73,8 @@ def one_pair(recipe: dataset.Recipe, index: int, times: Times, shard: tarfile.Ta
     with times.of("close"):
         camera.close()
     with times.of("file"):
-        shards._add(shard, "codes.npy", recipes.npy_bytes(codes))
-        shards._add(shard, "ideal.npy", recipes.npy_bytes(ideal))
+        formats._add(shard, "codes.npy", recipes.npy_bytes(codes))
+        formats._add(shard, "ideal.npy", recipes.npy_bytes(ideal))
     return context.info().programs_built - before
 
 

@@ -288,6 +288,10 @@ void add_dataset(CLI::App &app, DatasetArguments &a, bool &quiet) {
         ->type_name("INTEGER")
         ->take_last()
         ->check(within<std::uint32_t>(1, std::numeric_limits<std::uint32_t>::max()));
+    app.add_option("--format", a.format, "Of shards: webdataset (default), or the arrays of a Zarr group")
+        ->type_name("webdataset|zarr")
+        ->take_last()
+        ->check(CLI::IsMember({"webdataset", "zarr"}));
     app.add_option("--workers", a.workers, "Processes, each with its share of the cores, 1 to 65535 (default 1)")
         ->type_name("INTEGER")
         ->take_last()

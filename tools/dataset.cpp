@@ -59,6 +59,10 @@ void run_dataset(const DatasetArguments &a, bool quiet) {
                                       fmt::format("{}", a.shard_size),
                                       "--workers",
                                       fmt::format("{}", a.workers)};
+    if (a.format != "webdataset") {
+        words.emplace_back("--format");
+        words.push_back(a.format);
+    }
     if (a.without_ideal)
         words.emplace_back("--no-ideal");
     if (quiet)

@@ -14,6 +14,7 @@ struct DatasetArguments {
     std::string recipe;
     std::string folder;
     std::string python = "python3";
+    std::string format = "webdataset";
     std::uint64_t count = 0;
     std::uint32_t shard_size = 1000;
     std::uint32_t workers = 1;

@@ -39,6 +39,9 @@ def test_it_is_the_packages_command(ok, recipe: Path, tmp_path: Path) -> None:
     more = ok("dataset", recipe, "--out", "bare", "--count", 2, "--no-ideal", "--workers", 2, "--quiet", *PYTHON)
     assert more.out == more.err == ""
     assert json.loads((tmp_path / "bare" / "dataset.json").read_text())["with_ideal"] is False
+    run = ok("dataset", recipe, "--out", "arrays", "--count", 5, "--shard-size", 2, "--format", "zarr", *PYTHON)
+    assert "3 shards in arrays" in run.out
+    assert (tmp_path / "arrays" / "codes" / "c" / "2" / "0" / "0").is_file()
 
 
 @pytest.mark.parametrize(
@@ -49,6 +52,7 @@ def test_it_is_the_packages_command(ok, recipe: Path, tmp_path: Path) -> None:
         (["recipe.json", "--out", "set", "--count", 0], "--count"),
         (["recipe.json", "--out", "set", "--count", 1, "--shard-size", 0], "--shard-size"),
         (["recipe.json", "--out", "set", "--count", 1, "--workers", 0], "--workers"),
+        (["recipe.json", "--out", "set", "--count", 1, "--format", "hdf5"], "--format"),
         (["recipe.json", "--out", "set", "--count", 1, "--python", "no-such-python"], "there is no program no-such-python"),
     ],
     ids=str,

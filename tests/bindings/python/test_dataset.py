@@ -24,10 +24,11 @@ import distributed
 import numpy as np
 import numpy.typing as npt
 import pytest
+import zarr
 
 import clspeckle
 from clspeckle import dataset
-from clspeckle.dataset import Pairs, Recipe
+from clspeckle.dataset import Pairs, Recipe, formats
 from clspeckle.dataset import shards as shard_files
 
 EFFECTS = {"defocus": {"waves": {"log": [0.1, 1.0]}}, "prnu": {}, "adc_bits": {}, "row_noise": {"sigma_dn": 2}}
@@ -236,7 +237,7 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_dies(recipe_file: Path, 
 def test_a_full_disk_leaves_no_half_shard(
     ideal: npt.NDArray[np.float32], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add = shard_files._add
+    add = formats._add
     calls: list[str] = []
 
     def full(archive: tarfile.TarFile, name: str, data: bytes) -> None:
@@ -245,7 +246,7 @@ def test_a_full_disk_leaves_no_half_shard(
             raise OSError(errno.ENOSPC, "No space left on device")
         add(archive, name, data)
 
-    monkeypatch.setattr(shard_files, "_add", full)
+    monkeypatch.setattr(formats, "_add", full)
     with pytest.raises(OSError, match=r"no space left for shard-000001.tar; finished shards stay"):
         dataset.write(recipe(ideal), tmp_path / "set", count=4, shard_size=2)
     assert sorted(file.name for file in (tmp_path / "set").iterdir()) == ["dataset.json", "shard-000000.tar"]
@@ -509,3 +510,118 @@ def test_recipes_in_files(recipe_file: Path, tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "none.npy" in done.stderr
     assert "expected an image as .npy" in done.stderr
+
+
+def all_hashes(folder: Path) -> dict[str, str]:
+    files = [file for file in sorted(folder.rglob("*")) if file.is_file()]
+    return {file.relative_to(folder).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def test_zarr_reads_what_is_written(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    there = recipe(ideal, scenes=[ideal, ideal * 0.5])
+    paths = dataset.write(there, tmp_path / "set", count=10, shard_size=4, format="zarr")
+    assert [path.relative_to(tmp_path / "set").as_posix() for path in paths] == [f"codes/c/{n}/0/0" for n in range(3)]
+    group: Any = zarr.open_group(tmp_path / "set", mode="r")
+    assert sorted(group) == ["codes", "ideal", "labels"]
+    assert group["codes"].shape == group["ideal"].shape == (10, *ideal.shape)
+    assert group["codes"].dtype == np.uint16
+    assert group["ideal"].dtype == np.float32
+    codes, scenes, labels = (group[name][:] for name in ("codes", "ideal", "labels"))
+    pairs = Pairs(tmp_path / "set")
+    for index in range(10):
+        pair = there.render(index)
+        assert np.array_equal(codes[index], pair.codes)
+        assert np.array_equal(scenes[index], pair.ideal)
+        assert dataset.Draw(**json.loads(labels[index])) == pair.draw
+        assert np.array_equal(pairs[index].codes, pair.codes)
+        assert np.array_equal(pairs[index].ideal, pair.ideal)
+        assert pairs[index].draw == pair.draw
+    assert codes.any()
+    again = pickle.loads(pickle.dumps(pairs))
+    assert np.array_equal(again[-1].codes, codes[9])
+    dataset.write(there, tmp_path / "bare", count=2, format="zarr", with_ideal=False)
+    assert sorted(zarr.open_group(tmp_path / "bare", mode="r")) == ["codes", "labels"]
+    assert np.array_equal(Pairs(tmp_path / "bare", scenes=there)[1].ideal, scenes[1])
+
+
+def test_zarr_is_the_same_bytes_however_it_is_made(
+    ideal: npt.NDArray[np.float32], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By processes, after an end within a shard, with a larger count; and no half file is left by a full disk."""
+    there = recipe(ideal, scenes=[ideal])
+    dataset.write(there, tmp_path / "one", count=11, shard_size=4, format="zarr")
+    expected = all_hashes(tmp_path / "one")
+    assert len(expected) == 1 + 4 + 9
+    dataset.write(there, tmp_path / "processes", count=11, shard_size=4, format="zarr", workers=2)
+    dataset.write(there, tmp_path / "larger", count=6, shard_size=4, format="zarr")
+    dataset.write(there, tmp_path / "larger", count=11, shard_size=4, format="zarr")
+    # A disk that is full when the second shard's second file gets its name: only codes are written after it.
+    sync = os.fsync
+    calls: list[int] = []
+
+    def full(file: int) -> None:
+        calls.append(file)
+        if len(calls) == 5 + 3 + 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        sync(file)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="no space left for ideal/c/1/0/0; finished shards stay: make room and call"):
+            dataset.write(there, tmp_path / "full", count=11, shard_size=4, format="zarr")
+    left = all_hashes(tmp_path / "full")
+    assert {name for name in left if "/c/" in name} == {"codes/c/0/0/0", "ideal/c/0/0/0", "labels/c/0", "labels/c/1"}
+    assert all(expected[name] == digest for name, digest in left.items())
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="2 of 3 shards are missing, the first is sha"):
+        Pairs(tmp_path / "full")
+    dataset.write(there, tmp_path / "full", count=11, shard_size=4, format="zarr")
+    for folder in ("processes", "larger", "full"):
+        assert all_hashes(tmp_path / folder) == expected, folder
+
+
+def test_a_killed_run_of_zarr_goes_on(recipe_file: Path, tmp_path: Path) -> None:
+    given = {**json.loads(recipe_file.read_text()), "scenes": ["wall_0.npy"]}
+    recipe_file.write_text(json.dumps(given))
+    words = ("--count", 60, "--shard-size", 5, "--format", "zarr")
+    subprocess.run(command(recipe_file, tmp_path / "expected", *words), check=True, capture_output=True)
+    run = subprocess.Popen(command(recipe_file, tmp_path / "set", *words, "--quiet"), start_new_session=True)
+    while not (tmp_path / "set" / "codes" / "c" / "1").exists():
+        assert run.poll() is None
+        time.sleep(0.005)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert not (tmp_path / "set" / "codes" / "c" / "11" / "0" / "0").exists(), "killed too late to tell"
+    done = subprocess.run(command(recipe_file, tmp_path / "set", *words), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr.startswith("0 of 60")
+    assert all_hashes(tmp_path / "set") == all_hashes(tmp_path / "expected")
+
+
+def test_zarr_refuses_what_it_cannot_hold(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match='one size: give such, or the format "webdataset"'):
+        dataset.write(recipe(ideal), tmp_path / "sizes", count=2, format="zarr")
+    dataset.write(recipe(ideal), tmp_path / "sizes", count=2, format="webdataset")
+    there = recipe(ideal, scenes=[ideal])
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="format"):
+        dataset.write(there, tmp_path / "set", count=2, format="hdf5")
+    for first, second in (("zarr", "webdataset"), ("webdataset", "zarr")):
+        dataset.write(there, tmp_path / first, count=2, format=first)
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match="holds another set: its shard_format differ"):
+            dataset.write(there, tmp_path / first, count=2, format=second)
+    codes = tmp_path / "zarr" / "codes" / "c" / "0" / "0" / "0"
+    whole = codes.read_bytes()
+    codes.write_bytes(b"\xff" * len(whole))
+    with pytest.raises(clspeckle.errors.InvalidDataError, match="remove its shard 0, and let"):
+        Pairs(tmp_path / "zarr")[1]
+    codes.unlink()
+    dataset.write(there, tmp_path / "zarr", count=2, format="zarr")
+    assert codes.read_bytes() == whole, "the advice works"
+    (tmp_path / "zarr" / "codes" / "zarr.json").unlink()
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="with a larger count writes it again"):
+        Pairs(tmp_path / "zarr")
+    dataset.write(there, tmp_path / "zarr", count=3, format="zarr")
+    assert len(Pairs(tmp_path / "zarr")) == 3
+
+
+def test_checksum_is_castagnolis() -> None:
+    assert formats.crc32c(b"123456789") == 0xE3069283

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from types import FrameType
 
 from .. import errors
+from .formats import FORMATS
 from .recipe import Recipe
 from .shards import write
 
@@ -17,12 +18,13 @@ from .shards import write
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m clspeckle.dataset",
-        description="Writes pairs of ideal and recorded images as WebDataset shards. A stopped run goes on.",
+        description="Writes pairs of ideal and recorded images in shards. A stopped run goes on.",
     )
     parser.add_argument("recipe", help="JSON file with scenes, cameras, effects, effects_per_image and seed")
     parser.add_argument("--out", required=True, help="folder of the set; made if it does not exist")
     parser.add_argument("--count", required=True, type=int, help="pairs")
     parser.add_argument("--shard-size", type=int, default=1000, help="pairs of a shard (default 1000)")
+    parser.add_argument("--format", choices=list(FORMATS), default="webdataset", help="of shards (default webdataset)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--no-ideal", action="store_true", help="leave the ideal images out of the shards")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
@@ -58,6 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             count=arguments.count,
             shard_size=arguments.shard_size,
             with_ideal=not arguments.no_ideal,
+            format=arguments.format,
             workers=arguments.workers,
             progress=progress,
         )

@@ -4,66 +4,28 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
-import dataclasses
 import errno
 import fcntl
-import io
 import json
 import logging
 import multiprocessing
 import os
-import secrets
 import socket
-import tarfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional
 
-import numpy as np
-
 from .. import _check, errors
-from .recipe import Draw, Pair, Recipe, npy_bytes
+from .formats import FORMATS, shard_name, sweep, whole
+from .recipe import Pair, Recipe
 
 _log = logging.getLogger("clspeckle")
 
 Progress = Callable[[int, int], Optional[bool]]
 _DESCRIPTION = "dataset.json"
 _LOCK = ".lock"
-
-
-def _shard_name(number: int) -> str:
-    return f"shard-{number:06d}.tar"
-
-
-def _add(archive: tarfile.TarFile, name: str, data: bytes) -> None:
-    info = tarfile.TarInfo(name)  # no time, no user: the same bytes each time
-    info.size = len(data)
-    info.mode = 0o644
-    archive.addfile(info, io.BytesIO(data))
-
-
-@contextlib.contextmanager
-def _whole(path: Path) -> Iterator[Any]:
-    """A file that is written elsewhere, and gets its name when it is whole."""
-    part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
-    try:
-        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())  # else a power cut may leave the name without the bytes
-        os.replace(part, path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            os.unlink(part)
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise OSError(
-                error.errno,
-                f"there is no space left for {path.name}; finished shards stay: make room and call again",
-                os.fspath(path.parent),
-            ) from error
-        raise
 
 
 def _lock(folder: Path) -> int:
@@ -103,22 +65,13 @@ def _sole(folder: Path) -> Iterator[None]:
         os.close(file)
 
 
-def _sweep(folder: Path) -> None:
-    """Takes away what killed workers left."""
-    for part in folder.glob(".*.part"):
-        part.unlink(missing_ok=True)
-
-
-def _write_shard(recipe: Recipe, path: str, first: int, end: int, with_ideal: bool) -> int:
+def _write_shard(
+    recipe: Recipe, folder: str, number: int, first: int, end: int, shard_size: int, with_ideal: bool, format: str
+) -> int:
     """One shard, in whatever process; how many pairs it has."""
-    with _whole(Path(path)) as file, tarfile.open(fileobj=file, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+    with FORMATS[format].shard(Path(folder), number, shard_size, with_ideal) as add:
         for index in range(first, end):
-            pair = recipe.render(index)
-            key = f"{index:09d}"
-            _add(archive, f"{key}.codes.npy", npy_bytes(pair.codes))
-            if with_ideal:
-                _add(archive, f"{key}.ideal.npy", npy_bytes(pair.ideal))
-            _add(archive, f"{key}.json", (json.dumps(dataclasses.asdict(pair.draw)) + "\n").encode())
+            add(recipe.render(index))
     return end - first
 
 
@@ -135,8 +88,8 @@ def _begin_worker(workers: int) -> None:
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(max(1, len(os.sched_getaffinity(0)) // workers)))
 
 
-def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_ideal: bool) -> None:
-    wanted = {
+def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_ideal: bool, format: str) -> None:
+    wanted: dict[str, Any] = {
         "format": "clspeckle-dataset",
         "version": 1,
         "count": count,
@@ -144,10 +97,13 @@ def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_id
         "with_ideal": with_ideal,
         "recipe": recipe.described(),
     }
+    if format != "webdataset":
+        wanted["shard_format"] = format
     path = folder / _DESCRIPTION
-    if path.exists() and any(folder.glob("shard-*.tar")):
+    if path.exists() and any(known.any_shard(folder) for known in FORMATS.values()):
         there = _description(folder)
-        other = [key for key in wanted if key != "count" and there.get(key) != wanted[key]]
+        keys = {**wanted, **there}
+        other = [key for key in keys if key != "count" and there.get(key) != wanted.get(key)]
         if other:
             raise errors.InvalidArgumentError(
                 f"{folder} holds another set: its {', '.join(other)} differ; name another folder, or empty it"
@@ -161,8 +117,10 @@ def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_id
             return
         if there["count"] % shard_size:
             # Its last shard has fewer pairs than it shall have. Gone before the description says that it has them.
-            (folder / _shard_name(there["count"] // shard_size)).unlink(missing_ok=True)
-    with _whole(path) as file:
+            for last in FORMATS[format].files(folder, there["count"] // shard_size, with_ideal):
+                last.unlink(missing_ok=True)
+    FORMATS[format].begin(folder, recipe, count, shard_size, with_ideal)
+    with whole(path) as file:
         file.write((json.dumps(wanted, indent=1) + "\n").encode())
 
 
@@ -172,7 +130,12 @@ def _description(folder: Path) -> dict[str, Any]:
         given = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise errors.InvalidArgumentError(f"{path}: {error}; expected what clspeckle.dataset.write() makes") from None
-    if not isinstance(given, dict) or given.get("format") != "clspeckle-dataset" or given.get("version") != 1:
+    if (
+        not isinstance(given, dict)
+        or given.get("format") != "clspeckle-dataset"
+        or given.get("version") != 1
+        or given.get("shard_format", "webdataset") not in FORMATS
+    ):
         raise errors.InvalidArgumentError(f"{path}: is no description of a set that this version reads")
     return given
 
@@ -184,11 +147,12 @@ def write(
     count: int,
     shard_size: int = 1000,
     with_ideal: bool = True,
+    format: str = "webdataset",
     workers: int = 1,
     executor: Any = None,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Writes pairs 0 to count - 1 of a recipe as WebDataset shards. Shards that are there stay as they are.
+    """Writes pairs 0 to count - 1 of a recipe in shards. Shards that are there stay as they are.
 
     A larger count than that of the set in the folder goes on with it, and comes to what one run of it makes.
 
@@ -198,13 +162,16 @@ def write(
         count: pairs, below 10^9.
         shard_size: pairs of a shard, at least 1; the last may have fewer.
         with_ideal: whether shards hold the scenes, too; else the labels name them.
+        format: "webdataset": an archive each; "zarr": of the arrays `codes` (count, height, width) uint16, `ideal`
+            likewise float32, and `labels` (count,), texts of JSON, of a Zarr group (version 3). Zarr needs scenes of
+            one size; a shard that is not there yet reads as zeros.
         workers: processes, each with its share of the cores; 1: this one.
         executor: in place of `workers`: a ``concurrent.futures.Executor``, for example a thread pool, or
             ``client.get_executor()`` of a ``dask.distributed.Client``, whose workers must see `folder`.
         progress: told pairs that are done and all of them after each shard; returning False ends the work.
 
     Returns:
-        The shards, in order; where `progress` ended the work, those that there are.
+        The shards, in order, of Zarr their `codes`; where `progress` ended the work, those that there are.
 
     Raises:
         InvalidArgumentError: see :class:`Recipe`; or the folder holds another set, or a larger one.
@@ -224,10 +191,11 @@ def write(
             f"count is {count}, shard_size {shard_size}, workers {workers}; expected at least 1 of each, and fewer "
             "than 10^9 pairs"
         )
+    _check.choice(format, "format", dict.fromkeys(FORMATS, 0))
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with _sole(target):
-        return _write_missing(recipe, target, count, shard_size, with_ideal, workers, executor, progress)
+        return _write_missing(recipe, target, count, shard_size, with_ideal, format, workers, executor, progress)
 
 
 def _write_missing(
@@ -236,35 +204,35 @@ def _write_missing(
     count: int,
     shard_size: int,
     with_ideal: bool,
+    format: str,
     workers: int,
     executor: Any,
     progress: Progress | None,
 ) -> list[Path]:
-    _describe(recipe, target, count, shard_size, with_ideal)
-    _sweep(target)
+    _describe(recipe, target, count, shard_size, with_ideal, format)
+    sweep(target)
     firsts = range(0, count, shard_size)
-    paths = [target / _shard_name(number) for number in range(len(firsts))]
-    missing = [number for number, path in enumerate(paths) if not path.exists()]
+    shards = [FORMATS[format].files(target, number, with_ideal) for number in range(len(firsts))]
+
+    def present() -> list[Path]:
+        return [files[0] for files in shards if all(path.exists() for path in files)]
+
+    missing = [number for number, files in enumerate(shards) if not all(path.exists() for path in files)]
+    folder = os.fspath(target.absolute())
     tasks = [
-        (
-            recipe,
-            os.fspath(paths[number].absolute()),
-            firsts[number],
-            min(firsts[number] + shard_size, count),
-            with_ideal,
-        )
-        for number in missing
+        (recipe, folder, n, firsts[n], min(firsts[n] + shard_size, count), shard_size, with_ideal, format)
+        for n in missing
     ]
-    done = count - sum(end - first for _, _, first, end, _ in tasks)
+    done = count - sum(end - first for _, _, _, first, end, *_ in tasks)
     if progress is not None and progress(done, count) is False:
-        return [path for path in paths if path.exists()]
+        return present()
     for pairs in _run(tasks, workers, executor):
         done += pairs
         if progress is not None and progress(done, count) is False:
             break
     else:
-        _sweep(target)
-    return [path for path in paths if path.exists()]
+        sweep(target)
+    return present()
 
 
 def _run(tasks: list[Any], workers: int, executor: Any) -> Iterator[int]:
@@ -288,7 +256,7 @@ def _run(tasks: list[Any], workers: int, executor: Any) -> Iterator[int]:
             while True:
                 # A few at a time: a stop leaves little to wait for, and few copies of a recipe are on their way.
                 for task in waiting:
-                    running[executor.submit(_write_shard, *task)] = Path(task[1]).name
+                    running[executor.submit(_write_shard, *task)] = shard_name(task[2])
                     if len(running) >= 2 * workers + 2:
                         break
                 if not running:
@@ -341,15 +309,17 @@ class Pairs(Sequence[Any]):
             raise errors.InvalidArgumentError(f"{folder} holds no ideal images; give the recipe as scenes")
         if scenes is not None and scenes.described()["scenes"] != self.description["recipe"]["scenes"]:
             raise errors.InvalidArgumentError(f"scenes are not those of {folder}; give the recipe it was made of")
-        size = self.description["shard_size"]
-        names = [_shard_name(number) for number in range(-(-self.description["count"] // size))]
-        missing = [name for name in names if not (self.folder / name).is_file()]
+        size, with_ideal = self.description["shard_size"], self.description["with_ideal"]
+        form = FORMATS[self.description.get("shard_format", "webdataset")]
+        count = -(-self.description["count"] // size)
+        shards = [form.files(self.folder, number, with_ideal) for number in range(count)]
+        missing = [number for number, files in enumerate(shards) if not all(path.is_file() for path in files)]
         if missing:
             raise errors.InvalidArgumentError(
-                f"{folder} is not whole: {len(missing)} of {len(names)} shards are missing, the first is {missing[0]}; "
-                "clspeckle.dataset.write() goes on with them"
+                f"{folder} is not whole: {len(missing)} of {count} shards are missing, the first is "
+                f"{shard_name(missing[0])}; clspeckle.dataset.write() goes on with them"
             )
-        self._offsets: dict[int, dict[str, tuple[int, int]]] = {}
+        self._reader = form.reader(self.folder, self.description)
 
     def __len__(self) -> int:
         return int(self.description["count"])
@@ -360,24 +330,9 @@ class Pairs(Sequence[Any]):
         place = index + len(self) if index < 0 else index
         if not 0 <= place < len(self):
             raise IndexError(f"pair {index} of a set of {len(self)}")
-        number = place // self.description["shard_size"]
-        path = self.folder / _shard_name(number)
-        if number not in self._offsets:
-            with tarfile.open(path) as archive:
-                self._offsets[number] = {m.name: (m.offset_data, m.size) for m in archive}
-        members = self._offsets[number]
-
-        def load(ending: str) -> bytes:
-            offset, size = members[f"{place:09d}.{ending}"]
-            file.seek(offset)
-            return file.read(size)
-
-        with path.open("rb") as file:
-            draw = Draw(**json.loads(load("json")))
-            codes = np.load(io.BytesIO(load("codes.npy")), allow_pickle=False)
-            if self._scenes is None:
-                ideal = np.load(io.BytesIO(load("ideal.npy")), allow_pickle=False)
-            else:
-                ideal = self._scenes.ideal(draw.scene)
+        draw, codes, ideal = self._reader.load(place)
+        if self._scenes is not None or ideal is None:
+            assert self._scenes is not None
+            ideal = self._scenes.ideal(draw.scene)
         pair = Pair(ideal, codes, draw)
         return pair if self.transform is None else self.transform(pair)
