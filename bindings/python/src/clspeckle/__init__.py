@@ -18,7 +18,7 @@ All calls release the GIL. Objects may be shared between threads: calls on one o
 that has used OpenCL must not go on using it in a child of fork(); start workers with "spawn" or "forkserver".
 """
 
-from . import _generated, errors, philox, statistics
+from . import _generated, errors, philox, plot, statistics
 from .aperture import Aperture, ApertureInfo
 from .capture import Capture, CaptureSequence
 from .depth import Depth, DepthResult, DepthSummary
@@ -140,6 +140,7 @@ __all__ = [
     "explain_engine",
     "field_grid",
     "philox",
+    "plot",
     "simulate",
     "snap_directions",
     "statistics",
