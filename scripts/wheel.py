@@ -6,7 +6,8 @@
 Needs what `scripts/setup.sh build` installs, and the Python packages of tests/install/requirements.txt. Without
 --library the wheel's library is built of the archive alone. What the library is linked with goes into the wheel, with
 its licences. Three things do not: the C and C++ libraries, and OpenCL's loader, which must be the system's to find the
-system's drivers. auditwheel names the wheel after the oldest C library that it runs with.
+system's drivers. libjbig, which is under the GPL, is replaced by packaging/wheel/no_jbig.c. auditwheel names the wheel
+after the oldest C library that it runs with.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+# In place of the library that Debian's libtiff asks for.
+NO_JBIG = ROOT / "packaging" / "wheel" / "no_jbig.c"
 # Headers and scripts that become part of the library itself.
 COMPILED_IN = ("libeigen3-dev", "libjs-vega", "libstb-dev", "nlohmann-json3-dev")
 
 
-def run(*command: object, cwd: Path = ROOT) -> str:
+def run(*command: object, cwd: Path = ROOT, **more: str) -> str:
     """Runs a command, with this Python's programs first; its output is shown if it fails."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    words, env = [str(word) for word in command], {**os.environ, "PATH": path}
+    words, env = [str(word) for word in command], {**os.environ, "PATH": path, **more}
     done = subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         sys.exit(f"{command[0]} failed:\n{done.stdout}{done.stderr}")
@@ -62,6 +65,7 @@ def package_of(vendored: str) -> str:
 def licences(wheel: Path) -> dict[str, bytes]:
     """The licences of all that a wheel holds beside the project's own code, by file name."""
     names = [Path(name).name for name in zipfile.ZipFile(wheel).namelist() if ".libs/lib" in name]
+    names = [name for name in names if not name.startswith("libjbig")]  # ours
     packages = sorted({*COMPILED_IN, *map(package_of, names)})
     return {f"{package}.txt": Path("/usr/share/doc", package, "copyright").read_bytes() for package in packages}
 
@@ -96,8 +100,10 @@ def main() -> None:
     print(archive)
     with tempfile.TemporaryDirectory() as folder:
         wheel = wheel_of(archive, Path(folder), given.library and given.library.resolve())
-        repaired = Path(folder) / "repaired"
-        run("auditwheel", "repair", "--exclude", "libOpenCL.so.1", "-w", repaired, wheel)
+        repaired, stand_in = Path(folder) / "repaired", Path(folder) / "libjbig.so.0"
+        run(os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O2", "-Wl,-soname,libjbig.so.0", NO_JBIG, "-o", stand_in)
+        paths = f"{folder}:{os.environ.get('LD_LIBRARY_PATH', '')}"
+        run("auditwheel", "repair", "--exclude", "libOpenCL.so.1", "-w", repaired, wheel, LD_LIBRARY_PATH=paths)
         wheel = next(repaired.glob("*.whl"))
         add_licences(wheel)
         print(shutil.move(wheel, output / wheel.name))

@@ -11,7 +11,7 @@ FILES = {
     "LICENSE", "README.md", "SECURITY.md", "pyproject.toml",
 }  # fmt: skip
 FOLDERS = {
-    ".ci", "bench", "bindings", "capi", "cmake", "core", "diagnosis", "docs", "examples", "io", "kernels", "scripts",
+    ".ci", "bench", "bindings", "capi", "cmake", "core", "diagnosis", "docs", "examples", "io", "kernels", "packaging", "scripts",
     "tests", "tools", "tuning", "validation",
 }  # fmt: skip
 
