@@ -72,7 +72,7 @@ def _bessel_j1(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _airy(distance_px: npt.NDArray[np.float64], relative_diameter: float) -> npt.NDArray[np.float64]:
-    """|2 J1(pi D r) / (pi D r)|^2: autocovariance of the intensity behind a circular pupil (Goodman, chapter 4)."""
+    """(2 J1(pi D r) / (pi D r))^2: autocovariance of the intensity behind a circular pupil (Goodman, chapter 4)."""
     x = math.pi * relative_diameter * distance_px
     safe = np.where(x == 0, 1.0, x)
     result: npt.NDArray[np.float64] = np.where(x == 0, 1.0, (2 * _bessel_j1(safe) / safe) ** 2)
@@ -108,7 +108,7 @@ def speckle(
 
     Theory is that of fully developed speckle behind a circular pupil (J. W. Goodman, Speckle Phenomena in Optics, 2nd
     ed., chapters 3 and 4): the contrast C is sqrt((1 + P^2) / 2), less by the pixels' area; the histogram a Gamma law
-    of order 1 / C^2; the autocovariance along x and y |2 J1(pi D r) / (pi D r)|^2, averaged over the pixels' area.
+    of order 1 / C^2; the autocovariance along x and y (2 J1(pi D r) / (pi D r))^2, averaged over the pixels' area.
     Noise, saturation and uneven light are not in it.
 
     Args:
