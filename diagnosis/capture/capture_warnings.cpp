@@ -2,6 +2,7 @@
 #include "capture/capture_check.hpp"
 #include "capture/code_warnings.hpp"
 #include "capture/metadata_warnings.hpp"
+#include "capture/noise_warnings.hpp"
 #include "capture/pixel_warnings.hpp"
 
 #include <algorithm>
@@ -155,15 +156,22 @@ std::vector<CaptureWarning> capture_warnings(const Capture &capture, const std::
         warn_of_pupil(capture.layout, capture.layout.sequences[i], warnings);
         warn_of_codes(capture.layout, i, scans[i], summaries[i], dark, noise, warnings);
     }
+    const auto changes = [&](const std::string &sequence) {
+        return std::any_of(frame_changes.begin(), frame_changes.end(),
+                           [&](const SequenceChange &change) { return change.sequence == sequence; });
+    };
     for (CaptureWarning &warning : pixel_warnings(capture.layout, scans, dark))
-        warnings.push_back(std::move(warning));
+        if (warning.kind != kTransientPixels || !changes(warning.sequence))
+            warnings.push_back(std::move(warning));
     warnings.insert(warnings.end(), frame_changes.begin(), frame_changes.end());
     for (std::size_t i = 0; i < scans.size(); ++i)
-        if (std::none_of(frame_changes.begin(), frame_changes.end(), [&](const SequenceChange &change) {
-                return change.sequence == capture.layout.sequences[i].name;
-            }))
-            if (auto warning = level_fluctuation(capture.layout, i, scans[i], dark.level_dn))
-                warnings.push_back(std::move(*warning));
+        if (!changes(capture.layout.sequences[i].name))
+            for (auto &warning : {level_fluctuation(capture.layout, i, scans[i], dark.level_dn),
+                                  picture_shift(capture.layout, i, scans[i])})
+                if (warning)
+                    warnings.push_back(*warning);
+    for (CaptureWarning &warning : noise_warnings(capture.layout, scans, summaries, measured))
+        warnings.push_back(std::move(warning));
     for (CaptureWarning &warning : metadata_warnings(capture, scans, summaries, dark, frame_changes))
         warnings.push_back(std::move(warning));
     return warnings;

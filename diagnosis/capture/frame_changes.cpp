@@ -289,6 +289,14 @@ std::string list_of(const std::vector<std::size_t> &frames) {
     return frames.size() > kMost ? fmt::format("{} and {} more", text, frames.size() - kMost) : text;
 }
 
+// ", by 0.42 pixels (0.41 to the right, -0.10 down)": what a step of the picture is, where it is one.
+std::string step_of(const std::vector<PictureShift> &shifts, std::size_t frame) {
+    if (frame >= shifts.size() || !(shifts[frame].sure || shifts[frame - 1].sure))
+        return "";
+    const double x = shifts[frame].x - shifts[frame - 1].x, y = shifts[frame].y - shifts[frame - 1].y;
+    return fmt::format(", by {:.2f} pixels ({:.2f} to the right, {:.2f} down)", std::hypot(x, y), x, y);
+}
+
 // Frames from which on a resting scene is another one: the difference to the frame before stands out.
 std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
     Series logs;
@@ -400,8 +408,8 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
         if (!breaks.empty())
             say("scene_changes", breaks,
                 fmt::format("what the frames show changes at frame {}: the difference to the frame "
-                            "before is larger than the others; the scene or the camera moved",
-                            list_of(breaks)));
+                            "before is larger than the others; the scene or the camera moved{}",
+                            list_of(breaks), step_of(scan.shifts, breaks.front())));
     }
     if (lit && independent) {
         // A first frame has none before it, of which a sensor's lag would leave something: it is not compared.
@@ -461,6 +469,33 @@ std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &capture, st
                     *low, dimmest, *high, brightest),
         "level_fluctuates",
         {dimmest, brightest}};
+}
+
+std::optional<CaptureWarning> picture_shift(const CaptureLayout &capture, std::size_t sequence,
+                                            const SequenceScan &scan) {
+    const SequenceLayout &layout = capture.sequences[sequence];
+    std::vector<std::size_t> moved;
+    for (std::size_t t = 0; t < scan.shifts.size(); ++t)
+        if (scan.shifts[t].sure)
+            moved.push_back(t);
+    if (layout.frame_count < kLeastFrames || moved.empty())
+        return std::nullopt;
+    const auto by = [&](std::size_t t) {
+        const PictureShift &shift = scan.shifts[t];
+        return fmt::format("{:.2f} pixels ({:.2f} to the right, {:.2f} down)", std::hypot(shift.x, shift.y), shift.x,
+                           shift.y);
+    };
+    const std::size_t farthest = *std::max_element(moved.begin(), moved.end(), [&](std::size_t a, std::size_t b) {
+        return std::hypot(scan.shifts[a].x, scan.shifts[a].y) < std::hypot(scan.shifts[b].x, scan.shifts[b].y);
+    });
+    return CaptureWarning{
+        layout.name,
+        fmt::format("the picture moves, though \"motion\" is \"static\": from frame {} on {} of {} frames ({}) lie "
+                    "elsewhere than frame 0, frame {} by {}{}. The board or the camera shakes or slides: fix both and "
+                    "record again. A diagnosis explains what shakes by vibration or airflow alone",
+                    moved.front(), moved.size(), scan.shifts.size(), list_of(moved), moved.front(), by(moved.front()),
+                    farthest == moved.front() ? "" : fmt::format(", frame {} by {}", farthest, by(farthest))),
+        "picture_moves", moved};
 }
 
 } // namespace clsp

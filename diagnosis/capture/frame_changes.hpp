@@ -39,4 +39,9 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &layout, std::size
 std::optional<CaptureWarning> level_fluctuation(const CaptureLayout &layout, std::size_t sequence,
                                                 const SequenceScan &scan, double dark_level_dn);
 
+// Frames of laser light at rest whose picture lies a part of a pixel (0.03 and more) beside that of frame 0. It is a
+// warning alone: an effect (vibration) may explain it.
+std::optional<CaptureWarning> picture_shift(const CaptureLayout &layout, std::size_t sequence,
+                                            const SequenceScan &scan);
+
 } // namespace clsp

@@ -32,6 +32,11 @@ std::vector<std::uint8_t> beside_odd_blocks(const CaptureLayout &layout, const s
             std::fill_n(mask.begin() + std::ptrdiff_t(row * layout.width + block.first_column),
                         block.last_column - block.first_column + 1, std::uint8_t{0});
     }
+    for (const SequenceScan &scan : scans)
+        for (std::size_t k = 0; scan.oddities && k < scan.oddities->transients.size(); ++k) {
+            mask.resize(layout.pixel_count(), 1);
+            mask[scan.oddities->transients[k].index] = 0;
+        }
     return mask;
 }
 

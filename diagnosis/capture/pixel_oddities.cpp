@@ -51,7 +51,8 @@ struct Map {
     bool counts(std::size_t i) const { return mask->empty() || (*mask)[i] != 0; }
 };
 
-Map map_of(const PixelSums &pixels) {
+// A transient counts as its pixel's other frames do.
+Map map_of(const PixelSums &pixels, const std::vector<Transient> &transients) {
     Map map{pixels.layout.width, pixels.layout.height, &pixels.sequence.mask, {}, {}, pixels.sequence.frame_count};
     const double n = map.frames;
     map.mean.resize(pixels.sums.size());
@@ -61,6 +62,11 @@ Map map_of(const PixelSums &pixels) {
         map.mean[i] = float(mean);
         if (n > 1)
             map.variance[i] = float(std::max(0.0, (double(pixels.squares[i]) - mean * pixels.sums[i]) / (n - 1.0)));
+    }
+    for (const Transient &one : transients) {
+        const double square = double(pixels.squares[one.index]) - double(one.code) * one.code;
+        map.mean[one.index] = float(one.usual_dn);
+        map.variance[one.index] = float(std::max(0.0, (square - (n - 1.0) * one.usual_dn * one.usual_dn) / (n - 2.0)));
     }
     return map;
 }
@@ -299,7 +305,11 @@ std::vector<Mosaic> find_mosaic(const Map &map) {
 
 PixelOddities find_oddities(const PixelSums &pixels) {
     PixelOddities result;
-    const Map map = map_of(pixels);
+    if (pixels.ends)
+        result.transients =
+            find_transients(*pixels.ends, pixels.sums, pixels.squares, pixels.sequence.frame_count,
+                            pixels.sequence.mask.empty() ? nullptr : pixels.sequence.mask.data(), pixels.step_dn);
+    const Map map = map_of(pixels, result.transients);
     const CaptureScene scene = pixels.sequence.scene;
     const bool even = !is_laser(scene);
     if (scene != CaptureScene::kDark && (even || scene == CaptureScene::kBoard))

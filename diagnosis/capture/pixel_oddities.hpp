@@ -2,6 +2,7 @@
 #pragma once
 
 #include "capture/capture.hpp"
+#include "capture/transients.hpp"
 
 #include <array>
 #include <cstddef>
@@ -16,7 +17,8 @@ struct PixelSums {
     const SequenceLayout &sequence;
     const std::vector<std::uint32_t> &sums;
     const std::vector<std::uint64_t> &squares;
-    std::uint32_t step_dn = 1; // that codes are apart at least
+    std::uint32_t step_dn = 1;       // that codes are apart at least
+    const PixelEnds *ends = nullptr; // of scenes at rest
 };
 
 enum class PixelOddity : std::uint8_t { bright, dark, stuck, restless };
@@ -36,6 +38,7 @@ struct PixelOddities {
     std::vector<OddPixel> pixels;             // in order of their index
     std::vector<std::uint32_t> rows, columns; // whose middle lies apart from the other ones'
     std::vector<Mosaic> mosaic;               // one or none
+    std::vector<Transient> transients;        // in order of their index; nothing else is odd of them for that frame
 };
 
 // Of dark frames and flats: pixels 8 robust deviations from a smooth surface (of degree 4), or with 25 times the usual

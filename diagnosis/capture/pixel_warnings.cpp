@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -102,6 +103,53 @@ std::optional<CaptureWarning> mosaic_warning(const CaptureLayout &layout, const 
         "mosaic"};
 }
 
+// Of one sequence, but for those in blocks that are odd anyhow.
+std::optional<CaptureWarning> transients_warning(const CaptureLayout &layout, std::size_t sequence,
+                                                 const SequenceScan &scan, const std::vector<PixelBlock> &blocks) {
+    if (!scan.oddities)
+        return std::nullopt;
+    std::map<std::uint32_t, std::vector<Transient>> by_frame;
+    CaptureWarning warning{layout.sequences[sequence].name, "", kTransientPixels, {}, {}};
+    for (const Transient &one : scan.oddities->transients) {
+        const std::uint32_t y = one.index / layout.width, x = one.index % layout.width;
+        if (std::any_of(blocks.begin(), blocks.end(), [&](const PixelBlock &block) {
+                return y >= block.first_row && y <= block.last_row && x >= block.first_column && x <= block.last_column;
+            }))
+            continue;
+        by_frame[one.frame].push_back(one);
+        warning.pixels.push_back({y, y, x, x});
+    }
+    if (by_frame.empty())
+        return std::nullopt;
+    constexpr std::size_t kMost = 4;
+    std::vector<std::string> parts;
+    for (const auto &[frame, pixels] : by_frame) {
+        warning.frames.push_back(frame);
+        if (parts.size() == kMost)
+            continue;
+        const auto [most_left, most_right] =
+            std::minmax_element(pixels.begin(), pixels.end(), [&](const Transient &a, const Transient &b) {
+                return a.index % layout.width < b.index % layout.width;
+            });
+        const std::uint32_t top = pixels.front().index / layout.width, bottom = pixels.back().index / layout.width,
+                            left = most_left->index % layout.width, right = most_right->index % layout.width;
+        parts.push_back(pixels.size() == 1
+                            ? fmt::format("frame {} at column {}, row {} ({} DN, {:.0f} DN in the others)", frame, left,
+                                          top, pixels[0].code, pixels[0].usual_dn)
+                            : fmt::format("frame {} at {} pixels of {} and {}", frame, pixels.size(),
+                                          ranges("column", "columns", {{left, right}}),
+                                          ranges("row", "rows", {{top, bottom}})));
+    }
+    if (by_frame.size() > kMost)
+        parts.push_back(fmt::format("{} more frames", by_frame.size() - kMost));
+    const bool one = warning.pixels.size() == 1;
+    warning.text = fmt::format("{} pixel{} unlike {} in one frame alone: {}: a cosmic ray, a bit error or lost data. "
+                               "To leave {} out, {}",
+                               warning.pixels.size(), one ? " is" : "s are", one ? "itself" : "themselves",
+                               fmt::join(parts, ", "), one ? "it" : "them", kHow);
+    return warning;
+}
+
 } // namespace
 
 std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
@@ -152,6 +200,9 @@ std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const st
                                    first % layout.width, first / layout.width, where, kHow);
         warnings.push_back(std::move(warning));
     }
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        if (auto transients = transients_warning(layout, i, scans[i], blocks))
+            warnings.push_back(std::move(*transients));
     if (auto mosaic = mosaic_warning(layout, scans, dark))
         warnings.push_back(std::move(*mosaic));
     return warnings;

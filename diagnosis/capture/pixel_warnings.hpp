@@ -8,6 +8,9 @@
 namespace clsp {
 
 // scans: by sequence.
+// The kind of pixels that are unlike themselves in one frame.
+constexpr const char *kTransientPixels = "transient_pixels";
+
 std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
                                            const DarkLevel &dark);
 

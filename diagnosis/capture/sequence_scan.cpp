@@ -117,6 +117,8 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
     double total = 0.0;
     std::vector<std::uint64_t> histogram(std::size_t{1} << 16);
     std::vector<float> variances; // in time, of the first band's pixels
+    const bool rests = !(of.moving && is_laser(of.scene));
+    FrameSample sample(layout, rests ? frames : 0);
     std::array<std::vector<std::uint16_t>, 2> rooms;
     for (std::uint32_t first = 0; first < layout.height; first += band) {
         const std::uint32_t rows = std::min(band, layout.height - first);
@@ -124,6 +126,7 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
         const std::uint8_t *mask = left.empty() ? nullptr : left.data() + std::size_t{first} * layout.width;
         std::vector<std::uint32_t> sums(pixels); // of 65535 frames at most
         std::vector<std::uint64_t> squares(pixels);
+        PixelEnds ends(rests ? pixels : 0);
         const std::uint16_t *before = nullptr;
         for (std::uint32_t t = 0; t < frames; ++t) {
             const std::uint16_t *now = rows_of(capture, sequence, t, first, rows, rooms[t % 2]);
@@ -134,9 +137,12 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
                 add_pixels(row, sums.data() + at, squares.data() + at, frame);
                 add_pairs(row, frame);
                 add_histogram(row, histogram);
+                if (rests)
+                    ends.add(t, at, row.now, row.width);
                 if (before && !of.moving)
                     add_change(row, top, frame);
             }
+            sample.add(t, first, rows, now);
             frame.hash = fnv1a(now, pixels, frame.hash);
             before = now;
             if (progress)
@@ -148,8 +154,8 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
             if (!mask || mask[i] != 0)
                 total += double(squares[i]) - double(sums[i]) * double(sums[i]) / double(frames);
         if (rows == layout.height)
-            scan.oddities = std::make_shared<const PixelOddities>(
-                find_oddities({layout, of, sums, squares, least_step(usual_codes(histogram))}));
+            scan.oddities = std::make_shared<const PixelOddities>(find_oddities(
+                {layout, of, sums, squares, least_step(usual_codes(histogram)), rests ? &ends : nullptr}));
         if (first == 0)
             for (std::size_t i = 0; i < pixels; ++i)
                 if (!mask || mask[i] != 0)
@@ -158,7 +164,11 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
     scan.pile = find_pile(histogram);
     histogram[0] = histogram[top] = 0; // what clips says nothing of its neighbours
     scan.codes = usual_codes(histogram);
-    if (frames > 1 && !(of.moving && is_laser(of.scene)))
+    if (rests && is_laser(of.scene))
+        scan.shifts = sample.shifts(left);
+    else if (rests)
+        scan.correlations = sample.correlations(left);
+    if (frames > 1 && rests)
         scan.gaps = find_gaps(histogram, noise_of_quiet_pixels(variances, frames));
     if (frames > 1)
         scan.temporal_variance = std::max(0.0, total / (double(frames) - 1.0) / double(scan.pixels));

@@ -4,6 +4,7 @@
 
 #include "capture/capture.hpp"
 #include "capture/code_spacing.hpp"
+#include "capture/frame_sample.hpp"
 #include "runtime/hash.hpp"
 
 #include <cstddef>
@@ -37,10 +38,12 @@ struct SequenceScan {
     CodeGaps gaps;                    // of scenes at rest
     CodePile pile;                    // at the top code, too
     std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
+    std::vector<PictureShift> shifts;              // by frame, of laser light at rest
+    NoiseCorrelations correlations;                // of dark frames and even light
     std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };
 
-// progress: what part is done. Takes up to 48 bytes for each pixel of a frame, and no more than 1 GB.
+// progress: what part is done. Takes up to 56 bytes for each pixel of a frame, and no more than 1 GB.
 SequenceScan scan_sequence(const Capture &capture, std::size_t sequence,
                            const std::function<void(double part)> &progress = {});
 // Without the pixels where also is 0.

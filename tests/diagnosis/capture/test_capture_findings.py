@@ -561,6 +561,50 @@ def test_single_pixels_are_counted(found) -> None:
     assert sorted((p["rows"][0], p["columns"][0]) for p in warning["pixels"]) == sorted(zip(rows.tolist(), columns.tolist()))
 
 
+def test_a_pixel_of_one_frame_is_told_and_a_mask_leaves_it_out(cli: Cli, found, tmp_path: Path) -> None:
+    arrays, camera = recorded(21, frames=8)
+    arrays["board_static"][3, 20, 30] = 1023
+    arrays["dark"][5, 7, 10:13] = [400, 900, 300]
+    told = found(arrays, camera)
+    assert kinds(told) == ["transient_pixels", "transient_pixels"], told
+    dark, board = told
+    assert (dark["sequence"], dark["frames"], len(dark["pixels"])) == ("dark", [5], 3)
+    assert "frame 5 at 3 pixels of columns 10 to 12 and row 7" in dark["text"]
+    assert board["frames"] == [3] and board["pixels"] == [{"rows": [20, 20], "columns": [30, 30]}]
+    assert re.search(r"frame 3 at column 30, row 20 \(1023 DN, \d+ DN in the others\)", board["text"])
+    command, name = re.search(r"To leave it out, `clspeckle (capture check .*/(\S+))`", board["text"]).groups()  # type: ignore[union-attr]
+    cli(*command.replace("FOLDER", "set").split())
+    assert (iio.imread(tmp_path / "set" / name) == 0).sum() == 4
+    assert found(arrays, camera, mask=name) == []
+
+
+def smoothed(codes: Array) -> Array:
+    return np.rint((codes + sum(np.roll(codes, shift, axis) for shift in (-1, 1) for axis in (1, 2))) / 5)
+
+
+@pytest.mark.parametrize("fault", ["smoothed", "averaged", "shakes", "slides"])
+def test_what_no_raw_frames_show(found, fault: str) -> None:
+    arrays, camera = recorded(22, frames=16)
+    still = arrays["board_static"]
+    if fault == "smoothed":
+        told = found({name: smoothed(codes.astype(float)) for name, codes in arrays.items()}, camera)
+        assert ("denoised", "dark, flat") in [(w["kind"], w["text"].partition("(in ")[2].partition(")")[0]) for w in told]
+        return
+    if fault == "averaged":
+        camera = {**camera, "read_noise_dn": 2.8}
+        mean = {name: np.rint((codes[1:].astype(float) + codes[:-1]) / 2) for name, codes in arrays.items()}
+        (text,) = [w["text"] for w in found(mean, camera) if w["kind"] == "denoised"]
+        assert re.search(r"from frame to frame, by a correlation of 0\.(4[5-9]|5[0-5])", text), text
+        return
+    moved = [t for t in range(1, 16) if fault == "slides" or t % 2]
+    for t in moved:  # a quarter of a pixel to the left at once; 0.02 more in each frame
+        part = 0.02 * t if fault == "slides" else 0.25
+        still[t] = np.rint((1 - part) * still[t] + part * np.roll(still[t], -1, axis=1))
+    (warning,) = found(arrays, camera)
+    assert warning["kind"] == "picture_moves" and warning["sequence"] == "board_static"
+    assert set(moved[1:]) <= set(warning["frames"]) <= set(moved), warning
+
+
 def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:
     arrays, camera = recorded(11, frames=16, shape=(64, 96))
     filters = np.tile([[0.5, 1.0], [0.97, 0.4]], (32, 48))

@@ -4,6 +4,7 @@
 
 #include "capture/applicability.hpp"
 #include "capture/frame_changes.hpp"
+#include "capture/pixel_oddities.hpp"
 #include "effects/effects.hpp"
 #include "pipeline/pipeline.hpp"
 #include "simulator/optics.hpp"
@@ -108,10 +109,19 @@ TEST_P(FramesOfEffect, AreOfOneScene) {
     for (const std::uint64_t seed : {7u, 8u, 9u}) {
         const std::vector<SimulationLevels> levels(kSequenceCount, kLevels);
         const Capture capture = simulate_capture(simulator, {setting}, levels, seed);
-        for (std::size_t s = 0; s < kSequenceCount; ++s)
-            for (const CaptureWarning &change :
-                 frame_changes(capture.layout, s, scan_sequence(capture, s), kLevels.black_level_dn))
+        for (std::size_t s = 0; s < kSequenceCount; ++s) {
+            const SequenceScan scan = scan_sequence(capture, s);
+            for (const CaptureWarning &change : frame_changes(capture.layout, s, scan, kLevels.black_level_dn))
                 ADD_FAILURE() << kNames[s] << ", seed " << seed << ": " << change.text;
+            // Nor do effects make pixels of one frame, or noise that goes together; vibration alone moves the picture.
+            EXPECT_TRUE(!scan.oddities || scan.oddities->transients.empty()) << kNames[s] << ", seed " << seed;
+            for (const NoiseCorrelation &noise : {scan.correlations.right, scan.correlations.down})
+                EXPECT_FALSE(noise.sure && std::abs(noise.value) > 0.1) << kNames[s] << ", " << noise.value;
+            EXPECT_FALSE(scan.correlations.next.sure && scan.correlations.next.value > 0.25) << kNames[s];
+            if (const auto shift = picture_shift(capture.layout, s, scan);
+                shift && effect.id != std::string("vibration"))
+                ADD_FAILURE() << kNames[s] << ", seed " << seed << ": " << shift->text;
+        }
     }
 }
 
