@@ -14,7 +14,7 @@ constexpr std::size_t kMostCodes = std::size_t{1} << 22;
 constexpr std::uint32_t kMostSide = 64, kMostFrames = 1024, kMargin = 3;
 constexpr std::size_t kLeastTiles = 6;
 constexpr std::size_t kLeastOfTile = 32;                   // pixels
-constexpr double kLeastPart = 0.1;                         // of the difference between frames, that a shift explains
+constexpr double kLeastPart = 0.4;                         // of the difference between frames, that a shift explains
 constexpr double kLeastShift = 0.03, kSearchedShift = 0.1; // pixels
 constexpr std::uint32_t kLeastNoiseFrames = 2;
 constexpr std::size_t kMostNoise = std::size_t{1} << 20; // codes

@@ -14,7 +14,7 @@ namespace clsp {
 struct PictureShift {
     double x = 0.0, y = 0.0;
     // That it is another place, by the tiles' agreement (1e-6 in a sequence), 0.03 pixels away, and that this explains
-    // a tenth of what differs.
+    // 40 % of what differs.
     bool sure = false;
 };
 

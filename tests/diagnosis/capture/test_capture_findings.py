@@ -602,7 +602,7 @@ def test_what_no_raw_frames_show(found, fault: str) -> None:
         still[t] = np.rint((1 - part) * still[t] + part * np.roll(still[t], -1, axis=1))
     (warning,) = found(arrays, camera)
     assert warning["kind"] == "picture_moves" and warning["sequence"] == "board_static"
-    assert set(moved[1:]) <= set(warning["frames"]) <= set(moved), warning
+    assert {t for t in moved if fault == "shakes" or t > 6} <= set(warning["frames"]) <= set(moved), warning
 
 
 def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:
