@@ -278,7 +278,9 @@ void Search::screen_along_lines(std::vector<Refined> &refined, const SearchState
         const bool turns = refined[i].candidate->has_direction();
         for (const double sign : {1.0, -1.0})
             if (sign > 0.0 || turns)
-                lines.push_back({i, sign, 0.0, sign == refined[i].sign ? refined[i].response : Response(refined[i].candidate->weakest(0))});
+                lines.push_back(
+                    {i, sign, 0.0,
+                     sign == refined[i].sign ? refined[i].response : Response(refined[i].candidate->weakest(0))});
     }
     const double before = fits_.held_out(fitted);
     runner_.side_by_side(lines.size(), [&](ReplicateRunner &runner, std::size_t k) {
