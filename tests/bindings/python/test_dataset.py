@@ -608,14 +608,23 @@ def test_zarr_refuses_what_it_cannot_hold(ideal: npt.NDArray[np.float32], tmp_pa
         dataset.write(there, tmp_path / first, count=2, format=first)
         with pytest.raises(clspeckle.errors.InvalidArgumentError, match="holds another set: its shard_format differ"):
             dataset.write(there, tmp_path / first, count=2, format=second)
-    codes = tmp_path / "zarr" / "codes" / "c" / "0" / "0" / "0"
-    whole = codes.read_bytes()
-    codes.write_bytes(b"\xff" * len(whole))
-    with pytest.raises(clspeckle.errors.InvalidDataError, match="remove its shard 0, and let"):
-        Pairs(tmp_path / "zarr")[1]
-    codes.unlink()
-    dataset.write(there, tmp_path / "zarr", count=2, format="zarr")
-    assert codes.read_bytes() == whole, "the advice works"
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match='at most 1000000, or the format "webdataset"'):
+        dataset.write(there, tmp_path / "large", count=2, shard_size=10**6 + 1, format="zarr")
+    assert not list((tmp_path / "large").iterdir())
+    for name in ("codes/c/0/0/0", "ideal/c/0/0/0", "labels/c/0"):
+        file = tmp_path / "zarr" / name
+        whole = file.read_bytes()
+        # All of it gone, none there, cut off so that the index is that of the pair before, and elsewhere.
+        index = 16 * 1000 + 4
+        absent = whole[:-index] + b"\xff" * index
+        for damaged in (b"", b"\xff" * len(whole), absent, whole[:-16], whole[:-7], whole[:-index], whole[:100]):
+            file.write_bytes(damaged)
+            with pytest.raises(clspeckle.errors.InvalidDataError, match=f"pair 1: .*{name} .*; remove that file, and"):
+                Pairs(tmp_path / "zarr")[1]
+        file.unlink()
+        dataset.write(there, tmp_path / "zarr", count=2, format="zarr")
+        assert file.read_bytes() == whole, "the advice works"
+    assert Pairs(tmp_path / "zarr")[1].draw.index == 1
     (tmp_path / "zarr" / "codes" / "zarr.json").unlink()
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="with a larger count writes it again"):
         Pairs(tmp_path / "zarr")

@@ -17,8 +17,9 @@ On the command line: ``python -m clspeckle.dataset recipe.json --out set --count
 
 Shards are WebDataset's: ``shard-000000.tar`` holds ``000000000.codes.npy``, ``000000000.ideal.npy`` and
 ``000000000.json`` for each pair. A shard is whole or it is not there; a stopped run goes on with what is missing, and
-comes to the same bytes. With ``format="zarr"`` the set is a Zarr group instead, of the arrays ``codes``, ``ideal`` and
-``labels``, which any reader of Zarr's version 3 opens.
+comes to the same bytes. With ``format="zarr"`` the set is a Zarr group (version 3) instead, of the arrays ``codes``,
+``ideal`` and ``labels``. zarr-python 3 reads them all. Other readers read codes and ideal images where they know the
+sharding codec; labels are strings, an extension of Zarr.
 """
 
 from .recipe import Draw, Pair, Recipe

@@ -175,6 +175,7 @@ def crc32c(data: bytes) -> int:
 
 
 _NOT_THERE = 2**64 - 1  # of Zarr's index: no such chunk
+_LARGEST_SHARD = 10**6  # each file has 16 bytes of index for every pair that its shard can hold
 _DTYPES = {"codes": "<u2", "ideal": "<f4"}
 _LITTLE_ENDIAN = {"name": "bytes", "configuration": {"endian": "little"}}
 
@@ -197,6 +198,11 @@ class _Zarr:
         return any(folder.glob("codes/c/*/0/0"))
 
     def begin(self, folder: Path, recipe: Recipe, count: int, shard_size: int, with_ideal: bool) -> None:
+        if shard_size > _LARGEST_SHARD:
+            raise errors.InvalidArgumentError(
+                f"shard_size is {shard_size}; files of Zarr have an index for as many pairs: expected at most "
+                f'{_LARGEST_SHARD}, or the format "webdataset"'
+            )
         shapes = [recipe.ideal(scene).shape for scene in range(len(recipe.scenes))]
         for scene, shape in enumerate(shapes):
             if shape != shapes[0]:
@@ -276,25 +282,36 @@ class _ZarrReader:
     def load(self, place: int) -> Loaded:
         size, with_ideal = self.description["shard_size"], self.description["with_ideal"]
         number, entry = divmod(place, size)
-        found: dict[str, bytes] = {}
+        found: dict[str, Any] = {}
         for path in _Zarr().files(self.folder, number, with_ideal):
-            with path.open("rb") as file:
-                file.seek(-16 * (size - entry) - 4, os.SEEK_END)
-                offset, length = struct.unpack("<QQ", file.read(16))
-                file.seek(offset if offset < file.seek(0, os.SEEK_END) else 0)
-                found[path.relative_to(self.folder).parts[0]] = file.read(length if offset != _NOT_THERE else 0)
-
-        def image(name: str) -> npt.NDArray[Any]:
-            values = np.frombuffer(found[name], _DTYPES[name])
-            if values.size != self.shape[0] * self.shape[1]:
+            name = path.relative_to(self.folder).parts[0]
+            try:
+                offset, chunk = self._chunk(path, size - entry)
+                if name == "labels":
+                    found[name] = Draw(**json.loads(chunk[8:]))
+                    right = found[name].index == place
+                else:
+                    found[name] = np.frombuffer(chunk, _DTYPES[name]).reshape(self.shape).copy()
+                    right = offset == entry * len(chunk)  # else the index is that of a file that was cut off
+                if not right:
+                    raise ValueError("another pair")
+            except (ValueError, TypeError, struct.error):
                 raise errors.InvalidDataError(
-                    f"pair {place}: {self.folder / name} holds no such chunk; remove its shard {number}, and let "
+                    f"pair {place}: {path} does not hold it whole; remove that file, and let "
                     "clspeckle.dataset.write() make it again"
-                )
-            return values.reshape(self.shape).copy()
+                ) from None
+        return found["labels"], found["codes"], found.get("ideal")
 
-        draw = Draw(**json.loads(found["labels"][8:]))
-        return draw, image("codes"), image("ideal") if with_ideal else None
+    def _chunk(self, path: Path, from_end: int) -> tuple[int, bytes]:
+        """Where the chunk begins that the index names in its place from the end, and its bytes."""
+        with path.open("rb") as file:
+            end = file.seek(0, os.SEEK_END)
+            file.seek(max(0, end - 16 * from_end - 4))
+            offset, length = struct.unpack("<QQ", file.read(16))
+            if offset + length > end:
+                raise ValueError("no such chunk")
+            file.seek(offset)
+            return offset, file.read(length)
 
 
 FORMATS: dict[str, Format] = {"webdataset": _WebDataset(), "zarr": _Zarr()}

@@ -160,7 +160,7 @@ def write(
         recipe: what is drawn.
         folder: made if it does not exist; of this set alone.
         count: pairs, below 10^9.
-        shard_size: pairs of a shard, at least 1; the last may have fewer.
+        shard_size: pairs of a shard, at least 1, of Zarr at most 10^6; the last may have fewer.
         with_ideal: whether shards hold the scenes, too; else the labels name them.
         format: "webdataset": an archive each; "zarr": of the arrays `codes` (count, height, width) uint16, `ideal`
             likewise float32, and `labels` (count,), texts of JSON, of a Zarr group (version 3). Zarr needs scenes of
