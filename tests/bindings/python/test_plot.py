@@ -77,6 +77,25 @@ def test_pixels_have_an_area(context: clspeckle.Context) -> None:
     assert np.abs(np.interp(np.arange(-12, 13), lag, curve) - measured).max() < 0.04
 
 
+def test_measures_where_the_image_is(context: clspeckle.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    used = []
+
+    def noting(measure: Any) -> Any:
+        def noted(*given: Any, **named: Any) -> Any:
+            used.append(named["context"])
+            return measure(*given, **named)
+
+        return noted
+
+    for name in ("moments", "histogram", "autocovariance"):
+        monkeypatch.setattr(statistics, name, noting(getattr(statistics, name)))
+    with clspeckle.Context() as other:
+        ramp = np.arange(1.0, 1025, dtype=np.float32).reshape(32, 32)
+        with clspeckle.DeviceImage.from_array(ramp, context=other) as image:
+            plot.speckle(image)
+    assert [each is other for each in used] == [True] * 3
+
+
 def test_codes_have_bins_of_whole_codes(context: clspeckle.Context) -> None:
     intensity, diameter = speckled(context, degree_of_polarization=0.0)
     codes = np.clip(np.rint(64 + 9 * intensity / intensity.mean() * 20), 0, 1023).astype(np.uint16)

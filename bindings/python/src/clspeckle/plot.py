@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from . import _check, _show, errors, statistics
 from ._staging import ImageLike
-from .runtime import Context
+from .runtime import Context, resolve_context
 
 __all__ = ["image", "speckle"]
 
@@ -141,6 +141,7 @@ def speckle(
         raise _check.range_error("relative_diameter", diameter, "above 0")
     if max_lag == 0:
         raise _check.range_error("max_lag", max_lag, "at least 1")
+    context = resolve_context(context, image)  # before the copy to the host, which has none
     plane = _plane(image)
     autocovariance = statistics.autocovariance(plane, max_lag, context=context)
     moments = statistics.moments(plane, context=context)
