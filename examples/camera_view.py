@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import shutil
 import struct
 import tempfile
@@ -20,6 +21,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     import clspeckle
+
+
+IMAGES = ("ideal", "depth", "normal", "albedo")
 
 
 class SceneError(Exception):
@@ -69,7 +73,10 @@ class Record:
     codes: np.ndarray
     """(height, width) uint16."""
     camera: dict[str, Any]
-    """Parameters of :meth:`clspeckle.Pipeline.from_parameters` that give these codes of `view` again."""
+    """Parameters of :meth:`clspeckle.Pipeline.from_parameters`. Its ``render(view.ideal, frame_index=frame_index,
+    refresh="all")`` gives these codes again."""
+    frame_index: int
+    """Counter of its speckle and noise."""
 
 
 def record(
@@ -85,7 +92,7 @@ def record(
             its 99.9th percentile has a mean of half of full scale, as ``clspeckle render --exposure-gain auto`` does.
 
     Raises:
-        SceneError: no views, views of several sizes, or the first one is dark.
+        SceneError: no views, views of several sizes or with values that cannot be, or the first one is dark.
     """
     import clspeckle
 
@@ -97,7 +104,14 @@ def record(
             raise SceneError(f"view {number} is of {view.depth.shape}, the first of {shape}; views must have one size")
         if pattern is None and view.ideal is None:
             raise SceneError(f"view {number} brings no light and there is no pattern; give one of them")
-    lit = [view.ideal if pattern is None else pattern.lookup(view.geometry()) for view in views]
+        for name, least in (("depth", 0), ("normal", -np.inf), ("albedo", 0), ("ideal", 0)):
+            image = getattr(view, name)
+            if image is not None and not (np.isfinite(image).all() and image.min() >= least):
+                sign = "" if np.isinf(least) else ", at least 0"
+                raise SceneError(
+                    f"view {number}: {name} is {image.min():.3g} to {image.max():.3g}; expected finite numbers{sign}"
+                )
+    lit = [pattern.lookup(view.geometry()) if view.ideal is None else view.ideal for view in views]
     with clspeckle.Pipeline.from_parameters(shape, seed=seed, **camera) as pipeline:
         sensor = pipeline.sensor
         if "exposure_gain_dn" not in camera:
@@ -110,8 +124,13 @@ def record(
             sensor.exposure_gain_dn = 0.5 * top / (bright * passed)
         used = {**camera, "seed": seed, "exposure_gain_dn": sensor.exposure_gain_dn}
         return [
-            Record(dataclasses.replace(view, ideal=light), pipeline.render(light, refresh="all"), used)
-            for view, light in zip(views, lit)
+            Record(
+                dataclasses.replace(view, ideal=light),
+                pipeline.render(light, frame_index=index, refresh="all"),
+                used,
+                index,
+            )
+            for index, (view, light) in enumerate(zip(views, lit))
         ]
 
 
@@ -146,7 +165,7 @@ def png(codes: np.ndarray) -> bytes:
 def write(folder: Path, records: Sequence[Record], about: Mapping[str, object]) -> list[Path]:
     """Codes as PNG, ideal image, depth, normals and albedo as NPY, and last camera.json, in place of those there.
 
-    A folder that has a camera.json holds all files that it names.
+    A folder that has a camera.json holds all files that it names. Frames that an earlier one names are taken away.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -156,13 +175,17 @@ def write(folder: Path, records: Sequence[Record], about: Mapping[str, object]) 
         for number, each in enumerate(records):
             name = f"frame_{number:04d}"
             (part / f"{name}.codes.png").write_bytes(png(each.codes))
-            for kind in ("ideal", "depth", "normal", "albedo"):
+            for kind in IMAGES:
                 np.save(part / f"{name}.{kind}.npy", getattr(each.view, kind).astype(np.float32))
-            frames.append({"name": name, "intrinsics": list(each.view.intrinsics)})
+            frames.append({"name": name, "intrinsics": list(each.view.intrinsics), "frame_index": each.frame_index})
         camera = {key: value for key, value in records[0].camera.items() if value is not None}
         text = json.dumps({**about, "camera": camera, "frames": frames}, indent=1, default=_plain) + "\n"
         (part / "camera.json").write_text(text, encoding="utf-8")
+        earlier = _frames_of(folder / "camera.json")
         (folder / "camera.json").unlink(missing_ok=True)
+        for name in earlier - {frame["name"] for frame in frames}:
+            for kind in ("codes.png", *(f"{image}.npy" for image in IMAGES)):
+                (folder / f"{name}.{kind}").unlink(missing_ok=True)
         written = []
         for file in sorted(part.iterdir(), key=lambda file: file.name == "camera.json"):
             written.append(folder / file.name)
@@ -170,6 +193,15 @@ def write(folder: Path, records: Sequence[Record], about: Mapping[str, object]) 
         return written
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def _frames_of(file: Path) -> set[str]:
+    """The frames that a camera.json names, none if it is not one of ours."""
+    try:
+        names = {frame["name"] for frame in json.loads(file.read_text(encoding="utf-8"))["frames"]}
+        return {name for name in names if re.fullmatch(r"frame_\d{4,}", name)}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
 
 
 def _plain(value: Any) -> Any:

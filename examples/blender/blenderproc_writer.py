@@ -50,7 +50,7 @@ def views_of(
             uint8 or float; "diffuse" likewise, the albedo.
         intrinsics: the 3 x 3 matrix K, or fx, fy, cx, cy, in pixels.
         with_light: whether "colors" are the light; else the views bring none, and "diffuse" is needed.
-        metres_per_unit: of depths.
+        metres_per_unit: of depths, above 0.
 
     Raises:
         SceneError: what is missing or of another form, and which call brings it.
@@ -60,6 +60,8 @@ def views_of(
         camera = camera[[0, 1, 0, 1], [0, 1, 2, 2]]
     if camera.shape != (4,) or not np.isfinite(camera).all() or (camera[:2] <= 0).any():
         raise SceneError("intrinsics are no K matrix without skew; give bproc.camera.get_intrinsics_as_K_matrix()")
+    if not 0 < metres_per_unit < float("inf"):
+        raise SceneError(f"metres_per_unit is {metres_per_unit}; expected a finite number above 0")
     if "depth" not in data and "distance" not in data:
         raise SceneError("data has no depth; call bproc.renderer.enable_depth_output(activate_antialiasing=False)")
     far = "depth" if "depth" in data else "distance"

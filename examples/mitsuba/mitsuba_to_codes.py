@@ -63,7 +63,7 @@ def view_of(
         scene: a ``mitsuba.Scene``, or a dict as ``mitsuba.load_dict`` takes it.
         sensor: its number in the scene; a ``perspective`` one. Its film's filter is left out: pixels are areas.
         samples: rays of a pixel for the light, at least 1.
-        seed: of those rays.
+        seed: of those rays, below 2^32.
         metres_per_unit: of lengths in the scene, above 0.
         variant: of Mitsuba, for example "scalar_rgb"; None: see :func:`mitsuba`.
 
@@ -72,6 +72,8 @@ def view_of(
     """
     if samples < 1 or not 0 < metres_per_unit < float("inf"):
         raise SceneError(f"samples is {samples}, metres_per_unit {metres_per_unit}; expected at least 1, and above 0")
+    if not 0 <= seed < 2**32:
+        raise SceneError(f"seed is {seed}; expected 0 to 4294967295")
     mi = mitsuba(variant)
     if isinstance(scene, dict):
         try:
@@ -234,12 +236,18 @@ def sample_scene(width: int = 640, height: int = 480, dots: int = 3000, seed: in
     }
 
 
+def matplotlib_figure() -> Any:
+    """Matplotlib's class of figures."""
+    try:
+        return importlib.import_module("matplotlib.figure").Figure
+    except ImportError as error:
+        raise SceneError(f"a figure needs matplotlib ({error}); install it: pip install matplotlib") from None
+
+
 def figure(result: Record, path: Path) -> None:
     """Depth, normals, light and codes, side by side."""
-    from matplotlib.figure import Figure
-
     view = result.view
-    sheet = Figure(figsize=(12, 2.7), layout="constrained")
+    sheet = matplotlib_figure()(figsize=(12, 2.7), layout="constrained")
     axes = sheet.subplots(1, 4)
     shown = axes[0].imshow(np.where(view.depth > 0, view.depth, np.nan), cmap="viridis")
     sheet.colorbar(shown, ax=axes[0], label="m")
@@ -262,14 +270,16 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=16, help="rays of a pixel (default: 16)")
     parser.add_argument("--metres-per-unit", type=float, default=1.0, help="of the scene's lengths (default: 1)")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 480), help="of the own scene (default: 640 480)")
-    parser.add_argument("--seed", type=int, default=0, help="of rays, speckle and noise (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="of rays, speckle and noise, below 2^32 (default: 0)")
     parser.add_argument("--f-number", type=float, default=5.6, help="of the camera's lens (default: 5.6)")
     parser.add_argument("--degree-of-polarization", type=float, default=0.0, help="0 to 1 (default: 0)")
-    parser.add_argument("--figure", type=Path, help="write a picture of the result")
+    parser.add_argument("--figure", type=Path, help="write a picture of the result; needs matplotlib")
     given = parser.parse_args()
     import clspeckle
 
     try:
+        if given.figure:
+            matplotlib_figure()  # before the rendering, which takes long
         mi = mitsuba(given.variant)
         if given.scene is None:
             scene: Any = sample_scene(*given.size)

@@ -81,7 +81,15 @@ def test_blenderproc_writer_writes_what_the_camera_records(tmp_path: Path) -> No
             codes.append(camera.render(light, refresh="all"))
             with Image.open(tmp_path / "codes" / f"frame_{number:04d}.codes.png") as image:
                 assert np.array_equal(np.array(image), codes[-1])
+        # The last frame alone, by its index.
+        alone = camera.render(light, frame_index=about["frames"][1]["frame_index"], refresh="all")
+        assert np.array_equal(alone, codes[1])
     assert not np.array_equal(*codes), "speckle of its own"
+    # A shorter run leaves no frame of the longer one, and what is not of a run.
+    (tmp_path / "codes" / "frame_notes.txt").touch()
+    shorter = {key: images[:1] for key, images in blenderproc().items()}
+    files = writer.write_codes(tmp_path / "codes", shorter, K, seed=4, f_number=4.0)
+    assert {*(tmp_path / "codes").iterdir()} == {*files, tmp_path / "codes" / "frame_notes.txt"}
     # With a pattern the colors are left aside: light is that of the geometry.
     texels = np.random.default_rng(1).random((64, 64)).astype(np.float32)
     with clspeckle.Pattern(texels) as pattern:
@@ -112,6 +120,8 @@ def test_blenderproc_writer_writes_what_the_camera_records(tmp_path: Path) -> No
         ({"colors": [np.ones((3, 4, 3), np.uint8)] * 2}, "one size for all"),
         ({"colors": [np.ones((*SHAPE, 3), np.uint16)] * 2}, "have dtype uint16; expected uint8"),
         ({"normals": [np.full((*SHAPE, 3), -0.5, np.float32)] * 2}, "expected 0 to 1"),
+        ({"colors": [np.full((*SHAPE, 3), np.nan, np.float32)] * 2}, "view 0: ideal is nan to nan; expected finite"),
+        ({"colors": [np.full((*SHAPE, 3), -1, np.float32)] * 2}, "view 0: ideal is -1 to -1; expected finite"),
     ],
     ids=str,
 )
@@ -127,6 +137,9 @@ def test_no_camera_matrix_is_refused() -> None:
             writer.views_of(blenderproc(), wrong)
     with pytest.raises(SceneError, match=r"has no diffuse; call bproc.renderer.enable_diffuse_color_output\(\)"):
         writer.views_of(blenderproc(), K, with_light=False)
+    for scale in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(SceneError, match=r"metres_per_unit is .*; expected a finite number above 0"):
+            writer.views_of(blenderproc(), K, metres_per_unit=scale)
 
 
 def test_exr_files_are_read_as_openexr_reads_them(tmp_path: Path) -> None:
@@ -145,6 +158,13 @@ def test_exr_files_are_read_as_openexr_reads_them(tmp_path: Path) -> None:
     read = passes.read_exr(save(OpenEXR.NO_COMPRESSION))
     assert set(read) == set(given)
     assert all(np.array_equal(read[name], given[name]) for name in given)
+    whole = (tmp_path / "file.exr").read_bytes()
+    empty = whole.replace(struct.pack("<4i", 0, 0, 6, 4), struct.pack("<4i", 0, 0, 6, -3))
+    assert empty != whole
+    for wrong in (empty, whole.replace(b"dataWindow", b"dataWindoX"), *(whole[:end] for end in range(len(whole)))):
+        (tmp_path / "file.exr").write_bytes(wrong)
+        with pytest.raises(SceneError, match=r"is cut off or no uncompressed EXR; save it again|no EXR file of one"):
+            passes.read_exr(tmp_path / "file.exr")
     with pytest.raises(SceneError, match="is compressed"):
         passes.read_exr(save(OpenEXR.ZIP_COMPRESSION))
     (tmp_path / "file.exr").write_bytes(struct.pack("<II", 20000630, 0x1002))

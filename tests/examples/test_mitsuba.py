@@ -171,12 +171,19 @@ def test_command_writes_all_or_nothing(
         (["--variant", "none"], "Mitsuba has no variant 'none'"),
         (["--sensor", 3], "the scene has 1, counted from 0"),
         (["--samples", 0], "expected at least 1"),
+        (["--seed", -1], "seed is -1; expected 0 to 4294967295"),
+        (["--seed", 2**32], "seed is 4294967296; expected 0 to 4294967295"),
         (["--f-number", -1], "f_number"),
     ):
         monkeypatch.setattr(sys, "argv", [str(script), "-o", str(out), "--size", "32", "24", *map(str, words)])
         assert example.main() == 1
         assert told in capsys.readouterr().err
         assert {file.name: file.read_bytes() for file in out.iterdir()} == before
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setattr(sys, "argv", [str(script), "-o", str(out), "--figure", str(tmp_path / "other.png")])
+    assert example.main() == 1
+    assert "install it: pip install matplotlib" in capsys.readouterr().err
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == before
 
 
 @pytest.mark.parametrize(
@@ -227,3 +234,21 @@ def test_views_that_do_not_go_together_are_refused() -> None:
     small = View((9, 9, 2, 2), flat[:3], np.zeros((3, 5, 3), np.float32), flat[:3])
     with pytest.raises(SceneError, match=r"view 1 is of \(3, 5\), the first of \(4, 5\)"):
         record([view, small], pattern=clspeckle.Pattern(flat))
+
+
+def test_a_view_keeps_its_own_light_beside_a_pattern() -> None:
+    flat = np.ones((4, 5), np.float32)
+    normal = np.broadcast_to(np.float32([0, 0, -1]), (4, 5, 3))
+    dark, lit = View((9, 9, 2, 2), flat, normal, flat), View((9, 9, 2, 2), flat, normal, flat, 3 * flat)
+    with clspeckle.Pattern(np.full((8, 8), 0.5, np.float32)) as pattern:
+        first, second = record([dark, lit], pattern=pattern, exposure_gain_dn=50)
+        assert np.array_equal(first.view.ideal, pattern.lookup(dark.geometry()))
+    assert np.array_equal(second.view.ideal, lit.ideal)
+
+
+@pytest.mark.parametrize(("name", "value"), [("ideal", np.nan), ("ideal", -1), ("depth", -1), ("albedo", np.inf)])
+def test_values_that_cannot_be_are_refused(name: str, value: float) -> None:
+    images = {key: np.ones((4, 5), np.float32) for key in ("depth", "albedo", "ideal")}
+    images[name][1, 2] = value
+    with pytest.raises(SceneError, match=f"view 0: {name} is .* to .*; expected finite numbers, at least 0"):
+        record([View((9, 9, 2, 2), normal=np.zeros((4, 5, 3), np.float32), **images)])

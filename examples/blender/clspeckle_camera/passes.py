@@ -170,7 +170,13 @@ def read_exr(path: Path) -> dict[str, np.ndarray]:
 
     Blender's Python brings no reader, and images of several layers have no pixels there.
     """
-    data = Path(path).read_bytes()
+    try:
+        return _channels(path, Path(path).read_bytes())
+    except (IndexError, KeyError, MemoryError, OverflowError, TypeError, ValueError, struct.error):
+        raise SceneError(f"{path} is cut off or no uncompressed EXR; save it again") from None
+
+
+def _channels(path: Path, data: bytes) -> dict[str, np.ndarray]:
     if data[:4] != b"\x76\x2f\x31\x01" or struct.unpack_from("<I", data, 4)[0] & 0x1A00:
         raise SceneError(f"{path} is no EXR file of one part with scan lines")
     place = 8
@@ -185,6 +191,8 @@ def read_exr(path: Path) -> dict[str, np.ndarray]:
         raise SceneError(f"{path} is compressed; expected an uncompressed file")
     left, top, right, bottom = struct.unpack("<4i", header["dataWindow"])
     width, height = right - left + 1, bottom - top + 1
+    if width < 1 or height < 1:
+        raise ValueError("no pixels")
     row: list[tuple[str, Any]] = []
     entries = header["channels"]
     while entries[0] != 0:
