@@ -71,9 +71,8 @@ std::vector<std::string> effect_ids(const std::vector<std::string> &texts,
                 throw InputError(fmt::format("--without {}: one of the names is empty; the effects are {}",
                                              text.empty() ? "\"\"" : text, fmt::join(known, ", ")));
             if (std::find(known.begin(), known.end(), id) == known.end())
-                throw InputError(
-                    fmt::format("--without: there is no effect \"{}\"; the nearest one is \"{}\". The effects are {}",
-                                id, nearest(id, known), fmt::join(known, ", ")));
+                throw InputError(fmt::format("--without: there is no effect \"{}\"{}. The effects are {}", id,
+                                             suggestion(id, known), fmt::join(known, ", ")));
             result.push_back(std::move(id));
         }
     return result;

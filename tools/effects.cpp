@@ -21,8 +21,8 @@ const ClspEffectInfo &find(const std::string &id, const std::string &where) {
             return effect;
         ids.emplace_back(effect.id);
     }
-    throw InputError(fmt::format("{}: there is no effect \"{}\"; the nearest one is \"{}\" (see clspeckle effects)",
-                                 where, id, nearest(id, ids)));
+    throw InputError(
+        fmt::format("{}: there is no effect \"{}\"{} (see clspeckle effects)", where, id, suggestion(id, ids)));
 }
 
 double middle(const ClspEffectParameter &parameter) {
@@ -39,8 +39,8 @@ EffectSetting complete(const ClspEffectInfo &effect, const std::map<std::string,
     for (const auto &[name, value] : given) {
         const auto found = std::find(names.begin(), names.end(), name);
         if (found == names.end())
-            throw InputError(fmt::format("{}: the effect {} has no parameter \"{}\"; the nearest one is \"{}\"", where,
-                                         effect.id, name, nearest(name, names)));
+            throw InputError(fmt::format("{}: the effect {} has no parameter \"{}\"{}; it has {}", where, effect.id,
+                                         name, suggestion(name, names), fmt::join(names, ", ")));
         const ClspEffectParameter &parameter = effect.parameters[found - names.begin()];
         if (!(value >= parameter.minimum && value <= parameter.maximum))
             throw InputError(fmt::format("{}: {} must be {:g} to {:g} ({}); got {:g}", where, name, parameter.minimum,

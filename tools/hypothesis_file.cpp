@@ -45,8 +45,8 @@ void check_keys(const Json &object, const std::vector<std::string> &known, const
         throw InputError(fmt::format("{} must be an object, got {}", where, shown(object)));
     for (const auto &[key, value] : object.items())
         if (std::find(known.begin(), known.end(), key) == known.end())
-            throw InputError(fmt::format("{}: unknown key \"{}\"; the nearest known key is \"{}\"", where, key,
-                                         nearest(key, known)));
+            throw InputError(fmt::format("{}: unknown key \"{}\"{}; the keys are {}", where, key,
+                                         suggestion(key, known), fmt::join(known, ", ")));
 }
 
 /** A text; `otherwise` where there is none, which is refused if that is null. */

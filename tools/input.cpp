@@ -744,8 +744,8 @@ std::vector<ClspMaterial> load_materials(const Json &list, const std::string &pa
                 std::vector<std::string> keys = {"id", "name", "albedo", "living"};
                 for (const Member &member : members)
                     keys.emplace_back(member.key);
-                throw InputError(fmt::format("{}: unknown key \"{}\" in \"materials\"; the nearest known key is \"{}\"",
-                                             path, key, nearest(key, keys)));
+                throw InputError(fmt::format("{}: unknown key \"{}\" in \"materials\"{}; the keys are {}", path, key,
+                                             suggestion(key, keys), fmt::join(keys, ", ")));
             }
             if (!value.is_number() && value != "inf")
                 throw InputError(fmt::format("{}: \"{}\" of the material {} must be a number or \"inf\", got {}", path,
@@ -844,8 +844,8 @@ Sequence load_sequence(const std::string &path, Config &config) {
                 std::vector<std::string> known_keys;
                 for (const auto &pair : keys)
                     known_keys.push_back(pair.first);
-                throw InputError(fmt::format("{}: unknown key \"{}\" in \"{}\"; the nearest known key is \"{}\"", path,
-                                             key, name, nearest(key, known_keys)));
+                throw InputError(fmt::format("{}: unknown key \"{}\" in \"{}\"{}; the keys are {}", path, key, name,
+                                             suggestion(key, known_keys), fmt::join(known_keys, ", ")));
             }
             if (known->second.empty())
                 continue;

@@ -668,8 +668,8 @@ std::vector<std::string> Config::load_profile(const std::string &path, const std
         std::vector<std::string> names;
         for (const ClspProfileSequence &s : sequences)
             names.emplace_back(s.name);
-        throw InputError(fmt::format("--profile-sequence {}: {} has no such sequence; the nearest one is \"{}\" of {}",
-                                     sequence, path, nearest(sequence, names), fmt::join(names, ", ")));
+        throw InputError(fmt::format("--profile-sequence {}: {} has no such sequence{}; it has {}", sequence, path,
+                                     suggestion(sequence, names), fmt::join(names, ", ")));
     }
     entries_.at("aperture.f_number") = {Json(found->f_number), Layer::profile}; // a sequence may have its own
     take("render.illumination", found->scene == CLSP_SCENE_DARK   ? "dark"

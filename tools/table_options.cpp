@@ -114,16 +114,15 @@ std::string usage_message(const CLI::App &app, const CLI::ParseError &error, int
             names.push_back(sub->get_name());
         if (!names.empty() && !word.empty() && word[0] != '-') {
             if (std::find(names.begin(), names.end(), word) == names.end())
-                return fmt::format("there is no command \"{}\"; the nearest one is \"{}\" (see {} --help)", word,
-                                   nearest(word, names), path);
+                return fmt::format("there is no command \"{}\"{} (see {} --help)", word, suggestion(word, names), path);
             command = command->get_subcommand(word);
             path += " " + word;
             continue;
         }
         const std::string name = word.substr(0, word.find('='));
         if (word.rfind("--", 0) == 0 && !known(*command, name))
-            return fmt::format("there is no option {}; the nearest one is {} (see {} --help)", name,
-                               nearest(name, option_names(*command)), path);
+            return fmt::format("there is no option {}{} (see {} --help)", name,
+                               suggestion(name, option_names(*command), false), path);
     }
     return fmt::format("{} (see {} --help)", error.what(), path);
 }

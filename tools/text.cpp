@@ -73,4 +73,13 @@ std::string nearest(const std::string &word, const std::vector<std::string> &can
     return best;
 }
 
+std::string suggestion(const std::string &word, const std::vector<std::string> &candidates, bool quoted) {
+    const std::string best = nearest(word, candidates);
+    const std::size_t dashes = std::min(word.find_first_not_of('-'), word.size());
+    const std::size_t letters = std::max(word.size(), best.size()) - dashes;
+    if (edit_distance(word, best) > std::max<std::size_t>(1, letters / 3))
+        return "";
+    return "; the nearest one is " + (quoted ? '"' + best + '"' : best);
+}
+
 } // namespace tools

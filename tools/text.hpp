@@ -26,6 +26,10 @@ std::size_t edit_distance(const std::string &a, const std::string &b);
 /** The candidate with the smallest edit distance to `word`. */
 std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
 
+/** "; the nearest one is ...", if `word` may be a slip of it: a third of its letters are others at most; else nothing.
+ */
+std::string suggestion(const std::string &word, const std::vector<std::string> &candidates, bool quoted = true);
+
 } // namespace tools
 
 #endif // CLSPECKLE_TOOLS_TEXT_HPP

@@ -327,6 +327,9 @@ def test_usage_errors(refused) -> None:
     assert "subcommand" in refused()
     assert "FILE" in refused("statistics")
     assert "no option --jsn; the nearest one is --json" in refused("devices", "--jsn")
+    # A word that is no slip of any.
+    assert "no option --overwrite (see clspeckle devices --help)" in refused("devices", "--overwrite")
+    assert 'no command "photograph" (see clspeckle --help)' in refused("photograph")
 
 
 def test_kernel_folder_that_is_wrong(refused, ideal: Path, tmp_path: Path) -> None:

@@ -257,7 +257,7 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
         ({"parameters": {"slope": {"weak": 1, "strong": 1, "minimum": 1, "maximum": 1}}}, "a minimum below the maximum"),
         ({"parameters": {"slope": {"weak": [1], "strong": 1}}}, '"weak" must be a number, got [1]'),
         ({"opencl": None}, '"opencl" is missing'),
-        ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest known key is "opencl"'),
+        ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest one is "opencl"; the keys are id,'),
     ],
     ids=str,
 )
