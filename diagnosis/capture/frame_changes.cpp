@@ -18,10 +18,9 @@ namespace {
 using Series = std::vector<double>;
 
 constexpr std::size_t kLeastFrames = 4;
-constexpr double kChance = kChanceOfFrameChange; // of a step or drift, in a sequence where nothing changes
-constexpr double kAlike = 1e-3;                  // neighbours that are more alike wander
-constexpr double kLeastGap = 8.0;                // in scatters, however many frames there are
-constexpr double kLeastLevel = 0.01;             // changes that are told: of the level
+constexpr double kAlike = 1e-3;      // neighbours that are more alike wander
+constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
+constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
 constexpr double kNoLight = 0.02;    // of the brightest frame's
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
@@ -132,9 +131,10 @@ std::optional<Change> find_change(const Series &values, double scatter) {
     const double deviation = std::sqrt(std::max(least * double(n) / degrees, scatter * scatter));
     const double t = (best.after - best.before) / (deviation * std::sqrt(1.0 / k + 1.0 / m));
     // A step leaves frames that do not wander.
-    if ((double(n) - 1.0) * student_two_sided(t, degrees) < kChance && chance_of_wandering(left, scatter) > kAlike)
+    if ((double(n) - 1.0) * student_two_sided(t, degrees) < kChanceOfFrameChange &&
+        chance_of_wandering(left, scatter) > kAlike)
         return best;
-    if (chance_of_wandering(values, scatter) < kChance)
+    if (chance_of_wandering(values, scatter) < kChanceOfFrameChange)
         return drift_of(values);
     return std::nullopt;
 }
@@ -181,7 +181,7 @@ std::optional<Change> level_change(const Series &levels) {
 }
 
 double gap_limit(std::size_t count) {
-    return std::max(kLeastGap, student_two_sided_quantile(kChance, double(count) - 2.0));
+    return std::max(kLeastGap, student_two_sided_quantile(kChanceOfFrameChange, double(count) - 2.0));
 }
 
 // Two groups of levels with nothing between them: frames of the lower, frames of the upper one.
@@ -257,7 +257,7 @@ std::vector<std::size_t> find_steps(const Series &values, double scatter) {
         }
         const double degrees = double(n) - double(bounds.size()) + 1.0;
         const double within = std::max(std::sqrt(squared / degrees), scatter);
-        if (least_step > std::max(kLeastGap, student_two_sided_quantile(kChance, degrees)) * within &&
+        if (least_step > std::max(kLeastGap, student_two_sided_quantile(kChanceOfFrameChange, degrees)) * within &&
             chance_of_wandering(left, scatter) > kAlike)
             return {bounds.begin() + 1, bounds.end() - 1};
     }

@@ -7,10 +7,10 @@
 
 namespace clsp {
 
-// scans: by sequence.
 // The kind of pixels that are unlike themselves in one frame.
 constexpr const char *kTransientPixels = "transient_pixels";
 
+// scans: by sequence.
 std::vector<CaptureWarning> pixel_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
                                            const DarkLevel &dark);
 

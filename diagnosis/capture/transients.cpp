@@ -6,17 +6,17 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kLeastFrames = 4, kFewFrames = 8;
-constexpr std::size_t kLeastPixels = 100;
-constexpr double kApart = 8.0,
-                 kFarApart = 24.0;    // deviations; in few frames a pixel that jumps at random may do so once
-constexpr double kChance = 1e-6;      // of one in a sequence
-constexpr double kTail = 0.01;        // of the pixels, that tell how the most deviant ones are spread
-constexpr double kRoundedScale = 0.3; // of the codes' distance: the least deviation
-constexpr std::size_t kOfLevel = 256; // pixels that tell its usual noise
-constexpr std::size_t kSamples = 20000;
-constexpr double kLeastJump = 0.7; // of the limit
-constexpr double kRestless = 2.0;  // times the usual variance
+constexpr std::uint32_t kLeastTransientFrames = 4, kFewFrames = 8;
+constexpr std::size_t kLeastJudged = 100;
+constexpr double kJumpsApart = 8.0,
+                 kFarApart = 24.0;          // deviations; in few frames a pixel that jumps at random may do so once
+constexpr double kChanceOfTransient = 1e-6; // of one in a sequence
+constexpr double kTail = 0.01;              // of the pixels, that tell how the most deviant ones are spread
+constexpr double kRoundedScale = 0.3;       // of the codes' distance: the least deviation
+constexpr std::size_t kOfLevel = 256;       // pixels that tell its usual noise
+constexpr std::size_t kLevelSamples = 20000;
+constexpr double kLeastJump = 0.7;      // of the limit
+constexpr double kRestlessBeside = 2.0; // times the usual variance
 // In how many pixels one jumps in one frame alone that jumps at random, times the frames.
 constexpr double kJumps = 12.0;
 
@@ -56,7 +56,7 @@ void PixelEnds::add(std::uint32_t frame, std::size_t first, const std::uint16_t 
 std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<std::uint32_t> &sums,
                                        const std::vector<std::uint64_t> &squares, std::uint32_t frames,
                                        const std::uint8_t *mask, std::uint32_t step_dn) {
-    if (frames < kLeastFrames)
+    if (frames < kLeastTransientFrames)
         return {};
     const auto rest_of = [&](std::size_t i) {
         const double sum = sums[i], square = double(squares[i]);
@@ -66,10 +66,10 @@ std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<
     };
     const std::size_t all =
         mask ? sums.size() - std::size_t(std::count(mask, mask + sums.size(), std::uint8_t{0})) : sums.size();
-    if (all < kLeastPixels)
+    if (all < kLeastJudged)
         return {};
     std::vector<Rest> sample; // of all columns
-    const std::size_t step = all / kSamples + 1;
+    const std::size_t step = all / kLevelSamples + 1;
     for (std::size_t i = 0, k = 0; i < sums.size(); ++i)
         if ((!mask || mask[i] != 0) && k++ % step == 0)
             sample.push_back(rest_of(i));
@@ -106,12 +106,12 @@ std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<
     // The tail of a normal law: the squares are spread as exponentials.
     const double begin = std::pow(quantile_of(deviations, 1.0 - kTail), 2.0),
                  middle = std::pow(quantile_of(deviations, 1.0 - 0.5 * kTail), 2.0);
-    const double limit =
-        std::max(frames < kFewFrames ? kFarApart : kApart,
-                 std::sqrt(begin + (middle - begin) / std::log(2.0) * std::log(kTail * double(all) / kChance)));
+    const double limit = std::max(
+        frames < kFewFrames ? kFarApart : kJumpsApart,
+        std::sqrt(begin + (middle - begin) / std::log(2.0) * std::log(kTail * double(all) / kChanceOfTransient)));
 
     std::vector<Transient> found;
-    const double degrees = frames - 2.0, jump = 0.1 * limit * limit + kApart * std::sqrt(2.0 * degrees);
+    const double degrees = frames - 2.0, jump = 0.1 * limit * limit + kJumpsApart * std::sqrt(2.0 * degrees);
     const double near = kLeastJump * limit * std::sqrt(levels[0].variance); // nothing jumps between such ends
     std::size_t jumps = 0;                                                  // pixels that jump in another frame, too
     for (std::size_t i = 0; i < sums.size(); ++i) {
@@ -121,7 +121,7 @@ std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<
         if (deviation_of(rest) > limit)
             found.push_back({static_cast<std::uint32_t>(i), rest.end.frame, rest.end.code, rest.mean});
         const double noise = usual_of(rest);
-        jumps += rest.variance > kRestless * noise && (rest.variance - noise) * degrees > jump * noise;
+        jumps += rest.variance > kRestlessBeside * noise && (rest.variance - noise) * degrees > jump * noise;
     }
     return kJumps * double(jumps) > double(frames) * double(found.size()) ? std::vector<Transient>() : found;
 }

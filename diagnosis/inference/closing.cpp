@@ -238,7 +238,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
             break;
         const Eigen::MatrixXd columns = whiten_columns(metric_->fold(), result.jacobian);
         Eigen::VectorXd step = solve_least_squares(columns, whitened(difference_.first - moved.first));
-        stop_where_nothing_shows(model, columns, step);
+        stop_where_nothing_shows(model.strengths, columns, step);
         EffectModel next = model;
         const double largest = move_strengths(next, step);
         FoldStatistics there;
@@ -281,7 +281,7 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     Eigen::VectorXd step = result.model->coefficients(fold, difference_.first - result.model->first_mean())
                                .cwiseMax(-kFit.largest_step)
                                .cwiseMin(kFit.largest_step);
-    stop_where_nothing_shows(model, whiten_columns(fold, result.jacobian), step);
+    stop_where_nothing_shows(model.strengths, whiten_columns(fold, result.jacobian), step);
     const EffectModel last = model;
     move_strengths(model, step);
     const Eigen::VectorXd change_of_last = result.jacobian * model.distance_from(last);

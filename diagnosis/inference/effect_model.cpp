@@ -155,11 +155,16 @@ double move_one(EffectModel &model, Eigen::Index strength, double part) {
     return moved != 0.0 ? moved : step != 0.0 ? step : 1.0; // what has one value only changes nothing
 }
 
-void stop_where_nothing_shows(const EffectModel &model, const Eigen::MatrixXd &columns, Eigen::VectorXd &step) {
+std::vector<Eigen::Index> stop_where_nothing_shows(const std::vector<Strength> &strengths,
+                                                   const Eigen::MatrixXd &columns, Eigen::VectorXd &step) {
+    std::vector<Eigen::Index> stopped;
     for (Eigen::Index p = 0; p < step.size(); ++p)
-        if (model.strengths[static_cast<std::size_t>(p)].strength <= kStrengths.weakest && step[p] < 0.0 &&
-            columns.col(p).norm() < kStrengths.least_slope)
+        if (strengths[static_cast<std::size_t>(p)].strength <= kStrengths.weakest && step[p] < 0.0 &&
+            columns.col(p).norm() < kStrengths.least_slope) {
             step[p] = 0.0;
+            stopped.push_back(p);
+        }
+    return stopped;
 }
 
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest) {

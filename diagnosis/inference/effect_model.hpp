@@ -64,9 +64,10 @@ inline bool is_at(double strength, double end) {
 
 // Moves a strength as far as a finite difference needs, the other way where its range ends; how far that is.
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
-// No step leads further down where an effect, below the catalogue's range, shows no more. columns: whitened slopes of the
-// strengths.
-void stop_where_nothing_shows(const EffectModel &model, const Eigen::MatrixXd &columns, Eigen::VectorXd &step);
+// No step leads further down where an effect, below the catalogue's range, shows no more; which ones would have. columns:
+// whitened slopes of the strengths.
+std::vector<Eigen::Index> stop_where_nothing_shows(const std::vector<Strength> &strengths,
+                                                   const Eigen::MatrixXd &columns, Eigen::VectorXd &step);
 // A step of strengths, each bounded; the largest one.
 double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double strongest = kStrengths.strongest);
 

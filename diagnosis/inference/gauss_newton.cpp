@@ -56,10 +56,19 @@ GaussNewtonFit gauss_newton(ReplicateRunner &runner, EffectModel model, const Or
         for (Eigen::Index p = 0; p < parameters; ++p)
             if (!fit.model.strengths[static_cast<std::size_t>(p)].held)
                 free.push_back(p);
-        step = Eigen::VectorXd::Zero(parameters);
-        if (!free.empty())
-            step(free) = solve_least_squares(columns(Eigen::all, free), target);
-        stop_where_nothing_shows(fit.model, columns, step);
+        std::vector<Eigen::Index> stopped;
+        do {
+            step = Eigen::VectorXd::Zero(parameters);
+            if (!free.empty())
+                step(free) = solve_least_squares(columns(Eigen::all, free), target);
+            // The others make up for what stays.
+            stopped = stop_where_nothing_shows(fit.model.strengths, columns, step);
+            free.erase(std::remove_if(free.begin(), free.end(),
+                                      [&](Eigen::Index p) {
+                                          return std::find(stopped.begin(), stopped.end(), p) != stopped.end();
+                                      }),
+                       free.end());
+        } while (!stopped.empty());
         fit.square = (target - columns * step).squaredNorm();
     };
     for (int round = 0; round < options.rounds + options.secant_rounds; ++round) {

@@ -357,6 +357,7 @@ void ModelFit::judge_by(FittedModel &fitted, Replicates replicates) const {
     const Covariance &covariance = fitted.model.full();
     Eigen::VectorXd step = fitted.model.coefficients(covariance, runner_.real().mean() - covariance.mean());
     step = step.cwiseMax(-kFit.largest_step).cwiseMin(kFit.largest_step);
+    stop_where_nothing_shows(fitted.columns, whiten_columns(covariance, fitted.jacobian), step);
     fitted.step = step;
     fitted.correction = fitted.jacobian * step;
     fitted.residual = fitted.model.test(runner_.real());

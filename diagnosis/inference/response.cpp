@@ -71,18 +71,26 @@ const Change &Response::nearest(double strength) const {
 }
 
 Eigen::VectorXd Response::faded(double strength) const {
-    const Eigen::ArrayXd weakest = changes_[0].mean, next = changes_[1].mean;
-    const double steps = (strengths_[0] - strength) / (strengths_[1] - strengths_[0]);
-    // What does not grow with the strength is chance, or no law of it: it stays.
-    const Eigen::ArrayXd ratio = (weakest.abs() / next.abs().max(1e-300)).min(1.0);
-    return weakest * ratio.pow(steps);
+    const auto above = std::upper_bound(strengths_.begin() + 1, strengths_.end() - 1, strength) - strengths_.begin();
+    const std::size_t low = static_cast<std::size_t>(above) - 1;
+    std::size_t high = low + 1;
+    // Beyond the weakest: two that are near to each other tell no law.
+    while (strength < strengths_[low] && high + 1 < strengths_.size() &&
+           strengths_[high] - strengths_[low] < kStrengths.least_reach)
+        ++high;
+    const Eigen::ArrayXd weak = changes_[low].mean, strong = changes_[high].mean;
+    const double steps = (strengths_[low] - strength) / (strengths_[high] - strengths_[low]);
+    // What does not grow with the strength, or turns, is chance, or no law of it: between two it goes straight.
+    const Eigen::ArrayXd ratio = (weak.abs() / strong.abs().max(1e-300)).min(1.0);
+    const Eigen::ArrayXd straight = steps > 0.0 ? weak : Eigen::ArrayXd(weak - steps * (strong - weak));
+    return (weak * strong > 0.0 && weak.abs() <= strong.abs()).select(weak * ratio.pow(steps), straight);
 }
 
 Eigen::VectorXd Response::at(double strength) const {
     const std::size_t n = strengths_.size();
     if (n == 1)
         return changes_.front().mean;
-    if (weakest_ < kStrengths.weakest && strength < strengths_.front())
+    if (weakest_ < kStrengths.weakest && strength < std::max(0.0, strengths_.front()))
         return faded(strength);
     // The window of three (or two) knots nearest to the strength.
     const std::size_t width = std::min<std::size_t>(3, n);

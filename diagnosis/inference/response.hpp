@@ -41,8 +41,8 @@ Change simulate_change(ReplicateRunner &runner, const Pool &base, const EffectSe
 // lines cost false rejections).
 class Response {
   public:
-    // weakest: where the strengths begin. Below the catalogue's range each statistic follows the power law of the two
-    // weakest simulated strengths.
+    // weakest: where the strengths begin. Below the catalogue's range each statistic follows the power law of simulated
+    // strengths on both sides, or of the weakest.
     explicit Response(double weakest = kStrengths.weakest) : weakest_(weakest) {}
     void add(double strength, Change change);
     bool empty() const { return strengths_.empty(); }

@@ -17,12 +17,16 @@ struct Thresholds {
         // strength | a search begins there, where most effects do little |
         // tests/diagnosis/inference/test_attribution.cpp StrengthsEndWhereValuesDo
         double weakest = -0.8;
-        // strength | the same, where equal steps are equal ratios: the effect fades and does not turn; a fit goes so far
-        // down only where the effect shows | tests/diagnosis/inference/test_attribution.cpp AnEffectFadesBelowTheCatalogue
+        // strength | the same, where equal steps are equal ratios: the effect fades and does not turn; a fit goes so
+        // far down only where the effect shows |
+        // tests/diagnosis/inference/test_attribution.cpp AnEffectFadesBelowTheCatalogue
         double faintest = -3.0;
         // deviations a strength | below the first of these two, an effect that changes less goes no further down |
         // tests/diagnosis/inference/test_attribution.cpp AnEffectFadesBelowTheCatalogue
         double least_slope = 2.0;
+        // strength | simulated strengths that are nearer to each other tell no power law to go by below them |
+        // tests/diagnosis/inference/test_attribution.cpp FadesByThePowerLawOfItsWeakest
+        double least_reach = 0.4;
         // strength | a second search stays below, once one went beyond: far out an effect imitates others |
         // docs/results/archive.md Out of focus
         double common = 1.3;

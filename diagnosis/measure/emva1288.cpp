@@ -89,9 +89,9 @@ struct Sequence {
     SmoothTrend trend; // lit: of the mean frame
 };
 
-class Measurement {
+class EmvaMeasurement {
   public:
-    explicit Measurement(const Capture &capture) : capture_(capture) {}
+    explicit EmvaMeasurement(const Capture &capture) : capture_(capture) {}
     Emva1288 run();
 
   private:
@@ -122,7 +122,7 @@ class Measurement {
     Emva1288 result_;
 };
 
-void Measurement::read() {
+void EmvaMeasurement::read() {
     for (std::size_t s = 0; s < capture_.codes.size(); ++s) {
         Sequence sequence;
         sequence.layout = &capture_.layout.sequences[s];
@@ -163,7 +163,7 @@ void Measurement::read() {
 }
 
 // Frames of one camera have one noise: its halves agree, and no pair of frames shows another fixed pattern.
-bool Measurement::halves_agree(Sequence &sequence) {
+bool EmvaMeasurement::halves_agree(Sequence &sequence) {
     const std::vector<double> &pairs = sequence.stack.successive.pairs;
     // Codes that hardly change tell no noise: it depends on where the level lies between two of them.
     if (pairs.size() < 3 || sequence.variance < kLeastVariance)
@@ -209,7 +209,7 @@ bool Measurement::halves_agree(Sequence &sequence) {
     return true;
 }
 
-void Measurement::look_for_contradictions() {
+void EmvaMeasurement::look_for_contradictions() {
     for (std::vector<Sequence> *group : {&darks_, &flats_})
         for (Sequence &sequence : *group)
             if (sequence.stack.frames > 1 && sequence.stack.counted_pixels > 0.0)
@@ -261,7 +261,7 @@ void Measurement::look_for_contradictions() {
     }
 }
 
-std::string Measurement::reason_without_dark() const {
+std::string EmvaMeasurement::reason_without_dark() const {
     if (darks_.empty())
         return "the capture has no dark frames";
     for (const Sequence &dark : darks_)
@@ -273,7 +273,7 @@ std::string Measurement::reason_without_dark() const {
 }
 
 // The dark frames of the same exposure, or of the nearest one; else those with the most frames.
-const Sequence *Measurement::dark_of(const Sequence &flat) const {
+const Sequence *EmvaMeasurement::dark_of(const Sequence &flat) const {
     const Sequence *best = nullptr;
     const auto apart = [&](const Sequence &dark) {
         return flat.layout->exposure_ms && dark.layout->exposure_ms
@@ -287,7 +287,7 @@ const Sequence *Measurement::dark_of(const Sequence &flat) const {
     return best;
 }
 
-void Measurement::measure_dark() {
+void EmvaMeasurement::measure_dark() {
     for (Sequence &dark : darks_) {
         const FrameStack &stack = dark.stack;
         if (dark.clipped) {
@@ -328,7 +328,7 @@ void Measurement::measure_dark() {
                   "0.3 DN or so), or the frames are copies of one; record with more gain");
 }
 
-void Measurement::measure_saturation() {
+void EmvaMeasurement::measure_saturation() {
     std::vector<const Sequence *> lit;
     for (const Sequence &flat : flats_)
         if (flat.stack.frames > 1 && dark_of(flat))
@@ -371,7 +371,7 @@ void Measurement::measure_saturation() {
     result_.saturation.high = levels[to];
 }
 
-void Measurement::measure_gain() {
+void EmvaMeasurement::measure_gain() {
     std::vector<Sequence *> flats;
     std::string why;
     for (std::vector<Sequence> *group : {&darks_, &flats_})
@@ -418,7 +418,7 @@ void Measurement::measure_gain() {
 // Where a part f of a frame is the frame before's, noise by successive frames is 1 - 3 f + 3 f^2 of what it would be,
 // and two frames apart 1 - 2 f + 2 f^2. The factor that makes up for it, and its relative standard error; 1: there is
 // none.
-std::pair<double, double> Measurement::lag_factor(const std::vector<Sequence *> &flats) {
+std::pair<double, double> EmvaMeasurement::lag_factor(const std::vector<Sequence *> &flats) {
     const Sequence &flat = **std::max_element(flats.begin(), flats.end(), [](const Sequence *a, const Sequence *b) {
         return a->stack.frames < b->stack.frames;
     });
@@ -443,7 +443,7 @@ std::pair<double, double> Measurement::lag_factor(const std::vector<Sequence *> 
     return {1.0 / (1.0 - 3.0 * low + 3.0 * low * low), std::hypot(3.0 * error, low * low)};
 }
 
-void Measurement::gain_of_flats(std::vector<Sequence *> &flats) {
+void EmvaMeasurement::gain_of_flats(std::vector<Sequence *> &flats) {
     struct Point {
         const Sequence *flat, *dark;
         double x, y, weight; // the gain is the sum of weight y
@@ -523,7 +523,7 @@ void Measurement::gain_of_flats(std::vector<Sequence *> &flats) {
 
 // Photon noise of a resting laser scene: pixels' variances by successive differences against their means. Speckle that
 // drifts adds to it, the more the farther frames are apart.
-void Measurement::gain_at_rest() {
+void EmvaMeasurement::gain_at_rest() {
     struct Slope {
         double gain = 0.0, error = 0.0, shared = 0.0;
     };
@@ -705,7 +705,7 @@ EmvaSpatial spatial_of(const std::string &name, const FrameStack &stack, const H
 
 } // namespace
 
-void Measurement::measure_nonuniformity() {
+void EmvaMeasurement::measure_nonuniformity() {
     // The dark with the most frames, the flat whose mean frame has the least noise for its signal.
     const Sequence *dark = nullptr, *flat = nullptr;
     for (const Sequence &candidate : darks_)
@@ -787,7 +787,7 @@ void Measurement::measure_nonuniformity() {
 }
 
 // Section 6.7: a line through the signals between 5 and 95 % of saturation that weighs relative deviations alike.
-void Measurement::measure_linearity() {
+void EmvaMeasurement::measure_linearity() {
     const auto set = [&](const std::string &reason) {
         result_.linearity_min = result_.linearity_max = unknown(reason);
     };
@@ -875,7 +875,7 @@ void Measurement::measure_linearity() {
     result_.linearity_max = at(highest);
 }
 
-void Measurement::measure_dark_current() {
+void EmvaMeasurement::measure_dark_current() {
     double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, longest = 0.0, shortest = std::numeric_limits<double>::max();
     for (const Sequence &dark : darks_)
         if (dark.usable && dark.layout->exposure_ms) {
@@ -907,7 +907,7 @@ void Measurement::measure_dark_current() {
     result_.dark_current = value_of(slope, error);
 }
 
-void Measurement::measure_illumination() {
+void EmvaMeasurement::measure_illumination() {
     for (const std::vector<Sequence> *group : {&flats_, &others_})
         for (const Sequence &lit : *group) {
             const Sequence *dark = dark_of(lit);
@@ -927,7 +927,7 @@ void Measurement::measure_illumination() {
 }
 
 // Sections 2 and 6.6: what follows from the above.
-void Measurement::derive() {
+void EmvaMeasurement::derive() {
     if (result_.dark_noise.known() && result_.gain.known()) {
         const double variance = result_.dark_noise.value * result_.dark_noise.value;
         if (variance < kLeastVariance) {
@@ -966,7 +966,7 @@ void Measurement::derive() {
     }
 }
 
-Emva1288 Measurement::run() {
+Emva1288 EmvaMeasurement::run() {
     read();
     look_for_contradictions();
     measure_dark();
@@ -1027,7 +1027,7 @@ const char *method_name(EmvaGainMethod method) {
 }
 
 Emva1288 measure_emva1288(const Capture &capture) {
-    return Measurement(capture).run();
+    return EmvaMeasurement(capture).run();
 }
 
 } // namespace clsp

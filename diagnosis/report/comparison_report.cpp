@@ -11,14 +11,9 @@ using image_io::JsonText;
 
 namespace {
 
-// JSON has no infinities.
-JsonText number(double value) {
-    return std::isfinite(value) ? JsonText(value) : JsonText(nullptr);
-}
-
 JsonText levels_json(const CameraLevels &levels) {
-    return {{"black_level_dn", number(levels.black_level_dn)},
-            {"read_noise_dn", number(levels.read_noise_dn)},
+    return {{"black_level_dn", levels.black_level_dn},
+            {"read_noise_dn", levels.read_noise_dn},
             {"measured", levels.noise_measured}};
 }
 
@@ -32,26 +27,24 @@ JsonText comparison_json(const Comparison &comparison) {
                          {"frames", p.frames},
                          {"real_frames", p.real_frames},
                          {"sim_frames", p.sim_frames},
-                         {"real_light_dn", number(p.real_signal_dn)},
-                         {"sim_light_dn", number(p.sim_signal_dn)},
-                         {"real_scale", number(p.real_scale)},
-                         {"sim_scale", number(p.sim_scale)}});
+                         {"real_light_dn", p.real_signal_dn},
+                         {"sim_light_dn", p.sim_signal_dn},
+                         {"real_scale", p.real_scale},
+                         {"sim_scale", p.sim_scale}});
     for (const RefusedEffect &r : comparison.refused)
         refused.push_back({{"effect", r.effect}, {"stage", r.stage}, {"reason", r.reason}});
     for (const SurplusEffect &s : comparison.surplus)
-        surplus.push_back({{"effect", s.effect}, {"gain", number(s.gain)}});
+        surplus.push_back({{"effect", s.effect}, {"gain", s.gain}});
     const ReadNoiseComparison &noise = comparison.read_noise;
-    return {{"pairs", pairs},
-            {"real_alone", comparison.real_alone},
-            {"sim_alone", comparison.sim_alone},
-            {"levels", {{"real", levels_json(noise.real)}, {"sim", levels_json(noise.sim)}}},
-            {"read_noise",
-             {{"z", number(noise.z)},
-              {"p_value", number(noise.p_value)},
-              {"added_dn", number(noise.added_dn)},
-              {"sim_has_more", noise.excess}}},
-            {"cannot_be_applied", refused},
-            {"sim_may_have_more_of", surplus}};
+    return {
+        {"pairs", pairs},
+        {"real_alone", comparison.real_alone},
+        {"sim_alone", comparison.sim_alone},
+        {"levels", {{"real", levels_json(noise.real)}, {"sim", levels_json(noise.sim)}}},
+        {"read_noise",
+         {{"z", noise.z}, {"p_value", noise.p_value}, {"added_dn", noise.added_dn}, {"sim_has_more", noise.excess}}},
+        {"cannot_be_applied", refused},
+        {"sim_may_have_more_of", surplus}};
 }
 
 void write_comparison(const DiagnosisResult &result, HtmlPage &page) {

@@ -12,10 +12,6 @@ namespace {
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr const char *kShape[] = {"slope_x", "slope_y", "curvature_x", "twist", "curvature_y"};
 
-JsonText number(double value) {
-    return std::isfinite(value) ? JsonText(value) : JsonText(nullptr);
-}
-
 // Standard deviations of section 8; NaN where the temporal noise explains more than all.
 struct Deviations {
     double total = kUnknown, pixel = kUnknown, row = kUnknown, column = kUnknown;
@@ -39,16 +35,14 @@ Deviations prnu(const EmvaSpatial &flat, const EmvaSpatial &dark) {
 }
 
 JsonText deviations_json(const Deviations &d) {
-    return {
-        {"total", number(d.total)}, {"pixel", number(d.pixel)}, {"row", number(d.row)}, {"column", number(d.column)}};
+    return {{"total", d.total}, {"pixel", d.pixel}, {"row", d.row}, {"column", d.column}};
 }
 
 JsonText value_json(const NamedEmvaValue &named) {
     const EmvaValue &value = *named.value;
     if (!value.known())
         return {{"value", nullptr}, {"interval", nullptr}, {"unit", named.unit}, {"unknown", value.unknown}};
-    return {
-        {"value", number(value.value)}, {"interval", {number(value.low), number(value.high)}}, {"unit", named.unit}};
+    return {{"value", value.value}, {"interval", {value.low, value.high}}, {"unit", named.unit}};
 }
 
 void add_element(std::string &xml, const char *section, const char *name, const char *text, const char *unit,
@@ -69,9 +63,9 @@ JsonText emva_json(const Emva1288 &emva) {
         values[named.name] = value_json(named);
     for (const EmvaPoint &point : emva.points) {
         points.push_back({{"sequence", point.sequence},
-                          {"level_dn", number(point.level_dn)},
-                          {"variance_dn2", number(point.variance_dn2)},
-                          {"variance_error_dn2", number(point.variance_error_dn2)},
+                          {"level_dn", point.level_dn},
+                          {"variance_dn2", point.variance_dn2},
+                          {"variance_error_dn2", point.variance_error_dn2},
                           {"used", point.used}});
         if (!point.used)
             points.back()["unused"] = point.unused;
@@ -79,8 +73,8 @@ JsonText emva_json(const Emva1288 &emva) {
     for (const EmvaIllumination &one : emva.illumination) {
         JsonText entry = {{"sequence", one.sequence}};
         for (std::size_t k = 0; k < one.percent.size(); ++k) {
-            entry[kShape[k]] = number(one.percent[k]);
-            entry[std::string(kShape[k]) + "_error"] = number(one.error_percent[k]);
+            entry[kShape[k]] = one.percent[k];
+            entry[std::string(kShape[k]) + "_error"] = one.error_percent[k];
         }
         illumination.push_back(entry);
     }
@@ -93,7 +87,7 @@ JsonText emva_json(const Emva1288 &emva) {
     return {{"standard", "EMVA 1288 release 4.0"},
             {"gain_method", method_name(emva.method)},
             {"values", values},
-            {"defects", {{"dark", number(emva.defect_share_dark)}, {"flat", number(emva.defect_share_flat)}}},
+            {"defects", {{"dark", emva.defect_share_dark}, {"flat", emva.defect_share_flat}}},
             {"section_8",
              {{"dark", emva.spatial_dark.sequence},
               {"flat", emva.spatial_flat.sequence},

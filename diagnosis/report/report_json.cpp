@@ -19,18 +19,15 @@ using image_io::JsonText;
 
 namespace {
 
-// JSON has no infinities.
-JsonText number(double value) { return std::isfinite(value) ? JsonText(value) : JsonText(nullptr); }
-
 JsonText calibration_json(const CalibrationResult &calibration) {
     JsonText sequences = JsonText::array();
     for (const SequenceLight &light : calibration.light)
         sequences.push_back({{"name", light.sequence},
-                             {"mean_dn", number(light.mean_dn)},
-                             {"light_dn", number(light.light_dn)},
-                             {"share", number(light.share)}});
-    return {{"black_level_dn", number(calibration.black_level_dn)},
-            {"read_noise_dn", number(calibration.read_noise_dn)},
+                             {"mean_dn", light.mean_dn},
+                             {"light_dn", light.light_dn},
+                             {"share", light.share}});
+    return {{"black_level_dn", calibration.black_level_dn},
+            {"read_noise_dn", calibration.read_noise_dn},
             {"sequences", sequences}};
 }
 
@@ -40,21 +37,21 @@ JsonText illumination_json(const LabLights &found) {
         lights.push_back({{"light", light.name},
                           {"sequences", light.sequences},
                           {"uneven", !light.light.coefficients.empty()},
-                          {"p_value", number(std::max(light.p_value, 1e-300))},
-                          {"slope_x", number(light.slope[0])},
-                          {"slope_x_error", number(light.slope_error[0])},
-                          {"slope_y", number(light.slope[1])},
-                          {"slope_y_error", number(light.slope_error[1])},
-                          {"corner_loss", number(light.corner_loss)},
-                          {"corner_loss_error", number(light.corner_loss_error)}});
+                          {"p_value", std::max(light.p_value, 1e-300)},
+                          {"slope_x", light.slope[0]},
+                          {"slope_x_error", light.slope_error[0]},
+                          {"slope_y", light.slope[1]},
+                          {"slope_y_error", light.slope_error[1]},
+                          {"corner_loss", light.corner_loss},
+                          {"corner_loss_error", light.corner_loss_error}});
     JsonText drifts = JsonText::array();
     for (const LampDrift &drift : found.drifts)
-        drifts.push_back({{"sequence", drift.sequence}, {"deviation", number(drift.deviation)}});
+        drifts.push_back({{"sequence", drift.sequence}, {"deviation", drift.deviation}});
     return {{"lights", lights},
             {"lamp_drifts", drifts},
-            {"shared_corner_loss", number(found.shared_corner_loss)},
-            {"shared_corner_loss_error", number(found.shared_corner_loss_error)},
-            {"shared_slope", {number(found.shared_slope[0]), number(found.shared_slope[1])}},
+            {"shared_corner_loss", found.shared_corner_loss},
+            {"shared_corner_loss_error", found.shared_corner_loss_error},
+            {"shared_slope", {found.shared_slope[0], found.shared_slope[1]}},
             {"lens_or_light", found.lens_or_light}};
 }
 
@@ -62,10 +59,10 @@ JsonText illumination_json(const LabLights &found) {
 void add_shrinkage(const GapPlace &place, const DiagnosisResult &result, JsonText &entry) {
     const StatisticShrinkage &shrink = place.shrink;
     const bool has_part = shrink.held_out && shrink.beyond_chance;
-    entry["distance_before"] = shrink.held_out ? number(shrink.before) : JsonText(nullptr);
-    entry["distance_after"] = shrink.held_out ? number(shrink.after) : JsonText(nullptr);
-    entry["fraction"] = has_part ? number(shrink.fraction) : JsonText(nullptr);
-    entry["ci95"] = has_part ? JsonText{number(shrink.fraction_95[0]), number(shrink.fraction_95[1])} : JsonText(nullptr);
+    entry["distance_before"] = shrink.held_out ? JsonText(shrink.before) : JsonText(nullptr);
+    entry["distance_after"] = shrink.held_out ? JsonText(shrink.after) : JsonText(nullptr);
+    entry["fraction"] = has_part ? JsonText(shrink.fraction) : JsonText(nullptr);
+    entry["ci95"] = has_part ? JsonText{shrink.fraction_95[0], shrink.fraction_95[1]} : JsonText(nullptr);
     if (const std::string reason = why_no_interval(place, result); !reason.empty())
         entry["no_interval"] = reason;
 }
@@ -76,17 +73,17 @@ JsonText place_json(const GapPlace &place, const DiagnosisResult &result) {
                   {"statistic", place.statistic.name},
                   {"region", place.statistic.region},
                   {"unit", place.statistic.unit},
-                  {"real", number(place.real)},
-                  {"sim", number(place.sim)},
-                  {"z", number(place.z)},
-                  {"p_adjusted", number(place.p_adjusted)},
-                  {"z_after", number(place.z_after)}};
+                  {"real", place.real},
+                  {"sim", place.sim},
+                  {"z", place.z},
+                  {"p_adjusted", place.p_adjusted},
+                  {"z_after", place.z_after}};
     add_shrinkage(place, result, entry);
     return entry;
 }
 
 void add_version(const char *name, const QuantityMean &value, JsonText &entry) {
-    entry[name] = number(value.mean);
+    entry[name] = value.mean;
     if (std::isfinite(value.deviation))
         entry[std::string(name) + "_deviation"] = value.deviation;
 }
@@ -95,10 +92,10 @@ JsonText transfer_json(const char *version, const PhotonTransfer &transfer) {
     JsonText points = JsonText::array();
     for (const TransferPoint &point : transfer.points)
         points.push_back({{"sequence", point.sequence},
-                          {"signal_dn", number(point.signal_dn)},
-                          {"variance_dn2", number(point.variance_dn2)},
-                          {"variance_error_dn2", number(point.variance_error_dn2)}});
-    const auto fitted = [&](double value) { return transfer.fitted ? number(value) : JsonText(nullptr); };
+                          {"signal_dn", point.signal_dn},
+                          {"variance_dn2", point.variance_dn2},
+                          {"variance_error_dn2", point.variance_error_dn2}});
+    const auto fitted = [&](double value) { return transfer.fitted ? JsonText(value) : JsonText(nullptr); };
     return {{"version", version},
             {"points", points},
             {"system_gain_dn_per_electron", fitted(transfer.gain_dn_per_electron)},
@@ -151,9 +148,9 @@ JsonText credibility_json(const DatasheetQuantities &datasheet) {
                       {"quantity", row.quantity},
                       {"unit", row.unit}};
         for (std::size_t v = 0; v < row.versions.size(); ++v)
-            entry[kVersions[v]] = {{"area_metric", number(row.versions[v].area)},
-                                   {"bias", number(row.versions[v].bias)},
-                                   {"scatter", number(row.versions[v].scatter)}};
+            entry[kVersions[v]] = {{"area_metric", row.versions[v].area},
+                                   {"bias", row.versions[v].bias},
+                                   {"scatter", row.versions[v].scatter}};
         rows.push_back(entry);
     }
     return rows;
@@ -169,12 +166,12 @@ JsonText acceptance_json(const std::vector<AcceptanceRow> &rows) {
         if (of.is_statistic)
             entry["region"] = of.region;
         entry["unit"] = of.unit;
-        entry["real"] = number(of.real);
-        entry["tolerance"] = number(row.tolerance);
+        entry["real"] = of.real;
+        entry["tolerance"] = row.tolerance;
         for (std::size_t v = 0; v < row.versions.size(); ++v) {
             const JudgedDifference &judged = row.versions[v];
-            entry[kVersions[v]] = {{"difference", number(judged.difference)},
-                                   {"ci95", {number(judged.interval_95[0]), number(judged.interval_95[1])}},
+            entry[kVersions[v]] = {{"difference", judged.difference},
+                                   {"ci95", {judged.interval_95[0], judged.interval_95[1]}},
                                    {"acceptance", acceptance_name(judged.acceptance)}};
         }
         result.push_back(std::move(entry));
@@ -186,18 +183,18 @@ JsonText ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &a
     JsonText parameters = JsonText::object(), intervals = JsonText::object();
     const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
     for (std::size_t p = 0; candidate != all.end() && p < ranked.values.size(); ++p)
-        parameters[candidate->parameters[p].name] = number(ranked.values[p]);
+        parameters[candidate->parameters[p].name] = ranked.values[p];
     for (const FittedParameter &parameter : fitted)
         if (parameter.effect == ranked.effect) {
-            parameters[parameter.name] = number(parameter.value);
-            intervals[parameter.name] = {number(parameter.low), number(parameter.high)};
+            parameters[parameter.name] = parameter.value;
+            intervals[parameter.name] = {parameter.low, parameter.high};
         }
     return {{"effect", ranked.effect},
             {"parameters", parameters},
             {"intervals", intervals},
-            {"probability", number(ranked.probability)},
-            {"distance_after", number(ranked.distance_after)},
-            {"gain", number(ranked.gain)}};
+            {"probability", ranked.probability},
+            {"distance_after", ranked.distance_after},
+            {"gain", ranked.gain}};
 }
 
 // Which distance is measured in what: they differ, so that one must not be subtracted from another.
@@ -234,10 +231,10 @@ const char *verdict_name(Verdict verdict) {
 std::string report_json(const DiagnosisResult &result) {
     JsonText report = {{"format", "clspeckle-gap-report"}, {"version", 1}};
     report["gap"] = {{"detected", result.detected},
-                     {"p_value", number(result.p_value)},
-                     {"distance", number(result.distance)},
-                     {"null_95", number(result.null_95)},
-                     {"level", number(result.level)}};
+                     {"p_value", result.p_value},
+                     {"distance", result.distance},
+                     {"null_95", result.null_95},
+                     {"level", result.level}};
     JsonText changes = JsonText::array();
     for (const CaptureWarning &change : result.frame_changes)
         changes.push_back({{"sequence", change.sequence}, {"text", change.text}});
@@ -267,7 +264,7 @@ std::string report_json(const DiagnosisResult &result) {
             add_ranked(ranked);
     report["cause"] = {{"verdict", verdict_name(result.verdict)},
                        {"effects", result.effects},
-                       {"probability", number(result.probability)},
+                       {"probability", result.probability},
                        {"equivalent", result.equivalent},
                        {"ranking", ranking}};
     if (!result.rungs.empty()) {
@@ -276,47 +273,47 @@ std::string report_json(const DiagnosisResult &result) {
             rungs.push_back({{"rung", scene_name(rung.scene)},
                              {"verdict", verdict_name(rung.verdict)},
                              {"effects", rung.effects},
-                             {"p_value", number(reported_p_value(rung.p_value))},
-                             {"residual_p_value", number(reported_p_value(rung.residual_p_value))},
-                             {"distance_before", number(rung.distance_before)},
-                             {"distance_after", number(rung.distance_after)}});
+                             {"p_value", reported_p_value(rung.p_value)},
+                             {"residual_p_value", reported_p_value(rung.residual_p_value)},
+                             {"distance_before", rung.distance_before},
+                             {"distance_after", rung.distance_after}});
         report["cause"]["rungs"] = rungs;
     }
     if (!result.comparison) {
         JsonText looks = JsonText::array();
         for (const ScreenedEffect &look : result.screened)
-            looks.push_back({{"effect", look.effect}, {"share", number(look.share)}, {"fitted", look.fitted}});
+            looks.push_back({{"effect", look.effect}, {"share", look.share}, {"fitted", look.fitted}});
         report["cause"]["first_look"] = looks;
     }
     JsonText steps = JsonText::array(), per_statistic = JsonText::array();
     for (const ShrinkStep &step : result.steps)
-        steps.push_back({{"effect", step.effect}, {"distance_after", number(step.distance_after)}, {"fraction", number(step.fraction)}});
+        steps.push_back({{"effect", step.effect}, {"distance_after", step.distance_after}, {"fraction", step.fraction}});
     for (const GapPlace &place : result.places) {
         per_statistic.push_back({{"sequence", place.statistic.sequence},
                                  {"statistic", place.statistic.name},
                                  {"region", place.statistic.region},
-                                 {"z_before", number(place.z)},
-                                 {"z_after", number(place.z_after)}});
+                                 {"z_before", place.z},
+                                 {"z_after", place.z_after}});
         add_shrinkage(place, result, per_statistic.back());
     }
-    report["shrink"] = {{"distance_before", number(result.distance_before)},
-                        {"distance_after", number(result.distance_after)},
-                        {"fraction", number(result.fraction)},
-                        {"ci95", {number(result.fraction_95[0]), number(result.fraction_95[1])}},
+    report["shrink"] = {{"distance_before", result.distance_before},
+                        {"distance_after", result.distance_after},
+                        {"fraction", result.fraction},
+                        {"ci95", {result.fraction_95[0], result.fraction_95[1]}},
                         {"held_out", result.held_out},
                         {"residual_detected", result.residual_detected},
-                        {"residual_p_value", number(result.residual_p_value)},
+                        {"residual_p_value", result.residual_p_value},
                         {"steps", steps},
                         {"per_statistic", per_statistic}};
     if (result.downstream.valid)
         report["shrink"]["downstream"] = {{"dot_centre_rms_px",
-                                           {{"real", number(result.downstream.real)},
-                                            {"before", number(result.downstream.before)},
-                                            {"after", number(result.downstream.after)}}},
+                                           {{"real", result.downstream.real},
+                                            {"before", result.downstream.before},
+                                            {"after", result.downstream.after}}},
                                           {"depth_error_mm",
-                                           {{"real", number(result.downstream.depth_error_mm_real)},
-                                            {"before", number(result.downstream.depth_error_mm_before)},
-                                            {"after", number(result.downstream.depth_error_mm_after)}}},
+                                           {{"real", result.downstream.depth_error_mm_real},
+                                            {"before", result.downstream.depth_error_mm_before},
+                                            {"after", result.downstream.depth_error_mm_after}}},
                                           {"depth_assumption", result.downstream.depth_assumption}};
     JsonText advice = JsonText::array();
     for (const Advice &item : advice_for(result.equivalent))
@@ -345,7 +342,7 @@ std::string report_json(const DiagnosisResult &result) {
     if (result.emva)
         report["emva1288"] = emva_json(*result.emva);
     if (!result.comparison)
-        report["search"] = {{"work_captures", number(result.work_captures)}, {"ended_early", result.ended_early}};
+        report["search"] = {{"work_captures", result.work_captures}, {"ended_early", result.ended_early}};
     if (result.profile) {
         const PasteTexts paste = paste_texts(*result.profile);
         report["paste"] = {{"command_line", paste.command_line}, {"python", paste.python}, {"c", paste.c}};

@@ -112,8 +112,8 @@ std::uint32_t frames_of(int draw) {
     return kFrames[draw % 5];
 }
 
-// 400 sets of a dark, a flat and a board at rest, of 4 to 24 frames, as many of each. Of a rate of 1 % the chance to
-// see none is 2 %. What cameras have is no finding: pixels of other offset, gain and noise, rows that differ in each
+// 300 sets of a dark, a flat and a board at rest, of 4 to 20 frames, as many of each. Of a rate of 1 % the chance to
+// see none is 5 %. What cameras have is no finding: pixels of other offset, gain and noise, rows that differ in each
 // frame, a lamp that flickers, speckle that boils.
 TEST(RawFrames, NothingIsSaidOfCleanSets) {
     std::mt19937_64 random(391);

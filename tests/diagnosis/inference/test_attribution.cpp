@@ -369,6 +369,18 @@ TEST(Response, FadesByThePowerLawOfItsWeakest) {
         for (int i = 0; i < 4; ++i)
             EXPECT_NEAR(response.at(u)[i], law(u)[i], 1e-12) << u;
     EXPECT_EQ(response.at(0.5), law(0.5));
+    // Also where others lie between, some near each other; one that is off is left out of the law below.
+    response.add(-1.6, {law(-1.6), {}, {}});
+    response.add(-1.55, {1.02 * law(-1.55), {}, {}});
+    for (const double u : {-2.7, -1.6, -0.8, -0.1, 0.0})
+        for (int i = 0; i < 4; ++i)
+            EXPECT_NEAR(response.at(u)[i], law(u)[i], 0.02 * std::abs(law(u)[i])) << u;
+    // What turns goes straight in between, and stays below.
+    Response turning(kStrengths.faintest);
+    for (const double u : {-1.0, 0.0})
+        turning.add(u, {Eigen::VectorXd::Constant(1, u < 0.0 ? -0.5 : 1.5), {}, {}});
+    EXPECT_NEAR(turning.at(-0.5)[0], 0.5, 1e-12);
+    EXPECT_EQ(turning.at(-2.0)[0], -0.5);
 }
 
 TEST(Advice, NamesACaptureForConfusableEffects) {
@@ -644,10 +656,8 @@ TEST(Diagnosis, AFallOffThatTheLightsShareIsInTheInterval) {
     }
 }
 
-// Beyond the common range (0.67), whose end with a last step from there once counted as an explanation: one that went
-// too far, to 0.98, or beside a second effect. 1 is all that there can be.
-// Speckle that lives 150 times as long as the catalogue's weakest: seen in the noise of neighbours, and not to be taken for
-// photons, of which the same capture has some.
+// Speckle that lives 150 times as long as the catalogue's weakest: seen in the noise of neighbours, and not to be taken
+// for photons, of which the same capture has some.
 TEST(Diagnosis, AnEffectFadesBelowTheCatalogue) {
     CaptureLayout layout = larger_layout();
     add_sequence(layout, "board_static", CaptureScene::kBoard, false, 24);
@@ -684,7 +694,7 @@ TEST(Diagnosis, AStepEndsWhereNothingShows) {
     columns(0, 0) = 1.01 * kStrengths.least_slope;
     columns(1, 1) = 0.99 * kStrengths.least_slope;
     Eigen::VectorXd step = Eigen::VectorXd::Constant(3, -0.3);
-    stop_where_nothing_shows(model, columns, step);
+    EXPECT_EQ(stop_where_nothing_shows(model.strengths, columns, step), std::vector<Eigen::Index>{1});
     EXPECT_EQ(step, Eigen::Vector3d(-0.3, 0.0, -0.3));
     for (int i = 0; i < 30; ++i)
         move_strengths(model, Eigen::VectorXd::Constant(3, -0.3));
@@ -695,6 +705,8 @@ TEST(Diagnosis, AStepEndsWhereNothingShows) {
     EXPECT_EQ(find("surface_boiling")->weakest(0), kStrengths.faintest);
 }
 
+// Beyond the common range (0.67), whose end with a last step from there once counted as an explanation: one that went
+// too far, to 0.98, or beside a second effect. 1 is all that there can be.
 TEST(Diagnosis, AValueNearTheEndOfItsRangeHasAnInterval) {
     for (std::uint64_t i = 0; i < 8; ++i) {
         const DiagnosisResult result =
