@@ -21,7 +21,7 @@ constexpr std::size_t kMostNoise = std::size_t{1} << 20; // codes
 constexpr double kUsualVariance = 4.0;
 constexpr std::uint32_t kFarFirst = 5, kFarLast = 8; // pixels that share a row's or a column's noise alone
 
-constexpr double kChanceOfFinding = 1e-6; // of a finding where there is nothing
+constexpr double kChanceOfSampleFinding = 1e-6; // of a finding where there is nothing
 
 using Pair = Eigen::Vector2d;
 
@@ -36,7 +36,7 @@ NoiseCorrelation agreed(const std::vector<double> &tiles) {
     for (const double value : tiles)
         square += (value - mean) * (value - mean);
     const double error = std::sqrt(square / (n - 1.0) / n);
-    return {mean, std::abs(mean) > student_two_sided_quantile(kChanceOfFinding, n - 1.0) * error};
+    return {mean, std::abs(mean) > student_two_sided_quantile(kChanceOfSampleFinding, n - 1.0) * error};
 }
 
 // Half of the derivative along an axis, of fourth order.
@@ -199,7 +199,8 @@ std::vector<PictureShift> FrameSample::shifts(const std::vector<std::uint8_t> &m
                 fit = other;
         const auto [limit, is_new] = limits.try_emplace(static_cast<int>(fit.tiles));
         if (is_new)
-            limit->second = student_two_sided_quantile(kChanceOfFinding / (2.0 * (frames_ - 1.0)), limit->first - 2.0);
+            limit->second =
+                student_two_sided_quantile(kChanceOfSampleFinding / (2.0 * (frames_ - 1.0)), limit->first - 2.0);
         const bool sure = (fit.shift.cwiseAbs().array() > limit->second * fit.error.array()).any();
         result[t] = {fit.shift.x(), fit.shift.y(),
                      sure && fit.shift.norm() > kLeastShift && here.energy - fit.rest > kLeastPart * here.energy};
