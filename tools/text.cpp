@@ -74,10 +74,14 @@ std::string nearest(const std::string &word, const std::vector<std::string> &can
 }
 
 std::string suggestion(const std::string &word, const std::vector<std::string> &candidates, bool quoted) {
-    const std::string best = nearest(word, candidates);
     const std::size_t dashes = std::min(word.find_first_not_of('-'), word.size());
+    std::vector<std::string> longer;
+    for (const std::string &candidate : candidates)
+        if (word.size() > dashes + 1 && candidate.rfind(word, 0) == 0)
+            longer.push_back(candidate);
+    const std::string best = nearest(word, longer.empty() ? candidates : longer);
     const std::size_t letters = std::max(word.size(), best.size()) - dashes;
-    if (edit_distance(word, best) > std::max<std::size_t>(1, letters / 3))
+    if (longer.empty() && edit_distance(word, best) > std::max<std::size_t>(1, letters / 3))
         return "";
     return "; the nearest one is " + (quoted ? '"' + best + '"' : best);
 }

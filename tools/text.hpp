@@ -26,7 +26,9 @@ std::size_t edit_distance(const std::string &a, const std::string &b);
 /** The candidate with the smallest edit distance to `word`. */
 std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
 
-/** "; the nearest one is ...", if `word` may be a slip of it: a third of its letters are others at most; else nothing.
+/**
+ * "; the nearest one is ...", if `word` may be a slip of it: its beginning, or a third of its letters are others at most.
+ * Else nothing.
  */
 std::string suggestion(const std::string &word, const std::vector<std::string> &candidates, bool quoted = true);
 
