@@ -27,8 +27,8 @@ std::size_t edit_distance(const std::string &a, const std::string &b);
 std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
 
 /**
- * "; the nearest one is ...", if `word` may be a slip of it: its beginning, or a third of its letters are others at most.
- * Else nothing.
+ * "; the nearest one is ...", if `word` may be a slip of it: its beginning, or a third of its letters are others at
+ * most. Else nothing.
  */
 std::string suggestion(const std::string &word, const std::vector<std::string> &candidates, bool quoted = true);
 
