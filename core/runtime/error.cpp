@@ -48,6 +48,7 @@ std::string opencl_code_name(std::int32_t code) {
         CLSP_NAME(CL_INVALID_OPERATION);
         CLSP_NAME(CL_INVALID_BUFFER_SIZE);
         CLSP_NAME(CL_INVALID_GLOBAL_WORK_SIZE);
+        CLSP_NAME(CL_INVALID_PROPERTY);
 #undef CLSP_NAME
     case -1001:
         return "CL_PLATFORM_NOT_FOUND_KHR";

@@ -3,7 +3,9 @@
 #include "runtime/error.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <fmt/core.h>
 #include <initializer_list>
 #include <sstream>
@@ -29,6 +31,12 @@ using CreateBufferWithProperties = cl_mem(CL_API_CALL *)(::cl_context, const cl_
                                                          void *, cl_int *);
 using EnqueueShared = cl_int(CL_API_CALL *)(cl_command_queue, cl_uint, const cl_mem *, cl_uint, const cl_event *,
                                             cl_event *);
+
+// Of a context, by kind and by whether they acquire: nullptr until a call has seen that the context has them.
+struct SharedFunctions {
+    explicit SharedFunctions(const Context &) {}
+    std::atomic<EnqueueShared> found[2][2]{};
+};
 
 bool has_extension(const cl::Device &device, const char *name) {
     std::istringstream names(device.getInfo<CL_DEVICE_EXTENSIONS>());
@@ -115,6 +123,16 @@ Interop interop(const Context &context) {
     return result;
 }
 
+void check_mem(const Context &context, cl_mem mem, const std::string &name) {
+    ::cl_context owner = nullptr;
+    const cl_int code = clGetMemObjectInfo(mem, CL_MEM_CONTEXT, sizeof owner, &owner, nullptr);
+    if (code == CL_INVALID_MEM_OBJECT)
+        throw Error(Status::kInvalidArgument, name + " is not a valid cl_mem", code);
+    check_opencl(code, "clGetMemObjectInfo");
+    if (owner != context.cl_context()())
+        throw Error(Status::kWrongContext, name + " belongs to another cl_context than the clSpeckle context");
+}
+
 void require_cl_images(const Context &context) {
     require(cl_images_reason(context));
 }
@@ -161,7 +179,7 @@ cl_mem make_from_fd(const Context &context, std::uint32_t type, std::int32_t fd,
                     fmt::format("{} imports no {}; export the memory as {}", context.device_name(),
                                 type == kOpaqueFd ? "opaque file descriptors" : "dma-bufs",
                                 type == kOpaqueFd ? "a dma-buf" : "an opaque file descriptor"));
-    if (fd < 0)
+    if (fcntl(fd, F_GETFD) == -1)
         throw Error(Status::kInvalidArgument, fmt::format("fd is {}, which is no open file descriptor", fd));
     if (size_bytes == 0)
         throw Error(Status::kInvalidArgument, "size_bytes is 0; give the size that the other API allocated");
@@ -174,6 +192,13 @@ cl_mem make_from_fd(const Context &context, std::uint32_t type, std::int32_t fd,
     cl_int code = CL_SUCCESS;
     const cl_mem made = driver_function<CreateBufferWithProperties>(context, "clCreateBufferWithProperties")(
         context.cl_context()(), properties, CL_MEM_READ_WRITE, size_bytes, nullptr, &code);
+    if (code == CL_INVALID_VALUE || code == CL_INVALID_PROPERTY || code == CL_INVALID_BUFFER_SIZE)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the driver does not take fd {} as {} of {} bytes ({}): it must be an export of that "
+                                "type from this device, and size_bytes the size that the other API allocated",
+                                fd, type == kOpaqueFd ? "an opaque file descriptor" : "a dma-buf", size_bytes,
+                                opencl_code_name(code)),
+                    code);
     check_opencl(code, "clCreateBufferWithProperties");
     return made;
 }
@@ -181,16 +206,23 @@ cl_mem make_from_fd(const Context &context, std::uint32_t type, std::int32_t fd,
 void enqueue_shared(const Context &context, CommandChain &chain, SharedKind kind, bool acquire, std::uint32_t count,
                     const cl_mem *mems) {
     const bool gl = kind == SharedKind::kGl;
-    require(gl ? gl_textures_reason(context) : interop(context).external_memory_reason);
-    if (count == 0 || !mems)
-        throw Error(Status::kInvalidArgument, "count is 0 or mems is NULL; give at least one object");
-    for (std::uint32_t i = 0; i < count; ++i)
-        if (!mems[i])
-            throw Error(Status::kInvalidArgument, fmt::format("mems[{}] is NULL", i));
     const char *name = gl        ? (acquire ? "clEnqueueAcquireGLObjects" : "clEnqueueReleaseGLObjects")
                        : acquire ? "clEnqueueAcquireExternalMemObjectsKHR"
                                  : "clEnqueueReleaseExternalMemObjectsKHR";
-    const auto function = driver_function<EnqueueShared>(context, name);
+    std::atomic<EnqueueShared> &found = context.part<SharedFunctions>().found[gl][acquire];
+    if (!found) {
+        require(gl ? gl_textures_reason(context) : interop(context).external_memory_reason);
+        found = driver_function<EnqueueShared>(context, name);
+    }
+    const EnqueueShared function = found;
+    if (count == 0 || !mems)
+        throw Error(Status::kInvalidArgument, "count is 0 or mems is NULL; give at least one object");
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const std::string one = fmt::format("mems[{}]", i);
+        if (!mems[i])
+            throw Error(Status::kInvalidArgument, one + " is NULL");
+        check_mem(context, mems[i], one);
+    }
     chain.run_foreign("shared", [&](cl_uint num_waits, const cl_event *waits, cl_event *event) {
         const cl_int code = function(chain.queue(), count, mems, num_waits, waits, event);
         if (code == kInvalidGlObject || code == CL_INVALID_MEM_OBJECT)

@@ -21,6 +21,9 @@ struct Interop {
 };
 Interop interop(const Context &context);
 
+// Throws kInvalidArgument if it is no cl_mem, kWrongContext if it belongs to another cl_context.
+void check_mem(const Context &context, cl_mem mem, const std::string &name);
+
 // Throws kUnsupported, with the reason, where the device has no images.
 void require_cl_images(const Context &context);
 

@@ -23,7 +23,9 @@ struct ClImage {
     std::uint32_t channels;
     cl_channel_type type;
     std::size_t width, height;
-    cl_mem buffer; // that it was made from, or nullptr
+    // The buffer that it was made from, as bytes of the outermost one; no bytes of the image itself if made from none.
+    cl_mem root;
+    std::size_t first_byte, end_byte;
 };
 
 template <typename T> T image_info(cl_mem mem, cl_image_info what) {
@@ -34,10 +36,7 @@ template <typename T> T image_info(cl_mem mem, cl_image_info what) {
 
 template <typename T> T memory_info(cl_mem mem, cl_mem_info what) {
     T value{};
-    const cl_int code = clGetMemObjectInfo(mem, what, sizeof value, &value, nullptr);
-    if (code == CL_INVALID_MEM_OBJECT)
-        throw Error(Status::kInvalidArgument, "cl_image is not a valid cl_mem", code);
-    check_opencl(code, "clGetMemObjectInfo");
+    check_opencl(clGetMemObjectInfo(mem, what, sizeof value, &value, nullptr), "clGetMemObjectInfo");
     return value;
 }
 
@@ -65,8 +64,7 @@ ClImage inspect(const Context &context, cl_mem mem, cl_mem_flags refused) {
     require_cl_images(context);
     if (!mem)
         throw Error(Status::kInvalidArgument, "cl_image is NULL; a 2D image is needed (clCreateImage)");
-    if (memory_info<::cl_context>(mem, CL_MEM_CONTEXT) != context.cl_context()())
-        throw Error(Status::kWrongContext, "cl_image belongs to another cl_context than the clSpeckle context");
+    check_mem(context, mem, "cl_image");
     const auto kind = memory_info<cl_mem_object_type>(mem, CL_MEM_TYPE);
     if (kind == CL_MEM_OBJECT_BUFFER)
         throw Error(Status::kInvalidArgument,
@@ -82,9 +80,25 @@ ClImage inspect(const Context &context, cl_mem mem, cl_mem_flags refused) {
                         ? "cl_image is read, but was made with CL_MEM_WRITE_ONLY; make it with CL_MEM_READ_WRITE"
                         : "cl_image is written, but was made with CL_MEM_READ_ONLY; make it with CL_MEM_READ_WRITE");
     const auto format = image_info<cl_image_format>(mem, CL_IMAGE_FORMAT);
-    return {channels_of(format.image_channel_order), format.image_channel_data_type,
-            image_info<std::size_t>(mem, CL_IMAGE_WIDTH), image_info<std::size_t>(mem, CL_IMAGE_HEIGHT),
-            memory_info<cl_mem>(mem, CL_MEM_ASSOCIATED_MEMOBJECT)};
+    ClImage result{channels_of(format.image_channel_order),
+                   format.image_channel_data_type,
+                   image_info<std::size_t>(mem, CL_IMAGE_WIDTH),
+                   image_info<std::size_t>(mem, CL_IMAGE_HEIGHT),
+                   mem,
+                   0,
+                   0};
+    // An image may be made from an image, that from a sub-buffer, and that from a buffer.
+    while (const auto parent = memory_info<cl_mem>(result.root, CL_MEM_ASSOCIATED_MEMOBJECT)) {
+        if (memory_info<cl_mem_object_type>(result.root, CL_MEM_TYPE) == CL_MEM_OBJECT_BUFFER) {
+            const auto offset = memory_info<std::size_t>(result.root, CL_MEM_OFFSET);
+            result.first_byte += offset;
+            result.end_byte += offset;
+        } else {
+            result.end_byte = memory_info<std::size_t>(parent, CL_MEM_SIZE);
+        }
+        result.root = parent;
+    }
+    return result;
 }
 
 ImageView checked_view(const Context &context, const ClImage &cl_image, const ImageDescription &image) {
@@ -96,7 +110,7 @@ ImageView checked_view(const Context &context, const ClImage &cl_image, const Im
             Status::kInvalidArgument,
             fmt::format("image is {} x {} pixels (width x height), but cl_image is {} x {}; they must be the same",
                         view.width, view.height, cl_image.width, cl_image.height));
-    if (cl_image.buffer && (cl_image.buffer == view.mem || cl_image.buffer == view.parent))
+    if (cl_image.root == view.parent && cl_image.first_byte < view.end_byte && view.first_byte < cl_image.end_byte)
         throw Error(Status::kOverlap,
                     "cl_image was made from the buffer of image; the frame takes that buffer as it is, "
                     "without this copy");

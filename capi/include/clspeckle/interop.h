@@ -55,7 +55,7 @@ CLSP_API ClspStatus clspContextGetInteropInfo(ClspContext context, ClspInteropIn
  * @param cl_image a CL_MEM_OBJECT_IMAGE2D of order CL_R, CL_RG, CL_RGBA or CL_BGRA that kernels may read. Depth of a z-buffer (CL_DEPTH) is
  *        not metres: render the distance into a texture of its own.
  * @param first_channel 0 (red) to 3 (alpha): that of the image's first component; the others follow it.
- * @param image as large as the cl_image. Its buffer must not be the one that the cl_image was made from.
+ * @param image as large as the cl_image. Its bytes must not be in the buffer that the cl_image was made from.
  * @return CLSP_ERROR_UNSUPPORTED if the device has no images, CLSP_ERROR_INVALID_FORMAT for what is not in the table.
  */
 CLSP_API ClspStatus clspClImageEnqueueImport(ClspContext context, cl_command_queue queue, cl_mem cl_image,
@@ -63,7 +63,8 @@ CLSP_API ClspStatus clspClImageEnqueueImport(ClspContext context, cl_command_que
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
                                              cl_event *event);
 /**
- * Copies an image in a buffer into a cl_image, from red on. Other channels become 0, alpha the largest value (of unsigned integers 1).
+ * Copies an image in a buffer into a cl_image, from red on. Other channels become 0, alpha 1 (of CL_UNORM_* the largest code, which reads
+ * as 1.0).
  * Takes, returns and costs what clspClImageEnqueueImport() does; kernels must be allowed to write the cl_image. Light in CL_HALF_FLOAT is
  * rounded.
  */

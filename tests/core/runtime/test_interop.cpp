@@ -22,6 +22,7 @@ cl_int refuses = CL_SUCCESS; // a buffer or a texture
 
 std::set<cl_mem> from_gl, from_fd, acquired;
 std::vector<std::string> log; // of what was asked of it
+int lookups = 0;              // of its extensions and functions
 std::vector<void *> mapped;
 
 void reset() {
@@ -35,6 +36,7 @@ void reset() {
     from_fd.clear();
     acquired.clear();
     log.clear();
+    lookups = 0;
 }
 
 template <typename Function> Function *real(Function *, const char *name) {
@@ -147,6 +149,7 @@ cl_int clGetDeviceInfo(cl_device_id device, cl_device_info what, size_t size, vo
         return driver::import_types.empty() ? CL_INVALID_VALUE
                                             : driver::answer(driver::import_types, size, value, size_ret);
     if (what == CL_DEVICE_EXTENSIONS) { // the device's, but for what this driver has of its own
+        ++driver::lookups;
         std::vector<char> own(1 << 16);
         const cl_int code = REAL(clGetDeviceInfo)(device, what, own.size(), own.data(), nullptr);
         if (code != CL_SUCCESS)
@@ -171,7 +174,7 @@ cl_int clGetContextInfo(cl_context context, cl_context_info what, size_t size, v
 }
 
 cl_int clGetMemObjectInfo(cl_mem mem, cl_mem_info what, size_t size, void *value, size_t *size_ret) {
-    if (what == CL_MEM_ASSOCIATED_MEMOBJECT && driver::buffer_of_image && mem != driver::buffer_of_image)
+    if (what == CL_MEM_ASSOCIATED_MEMOBJECT && driver::buffer_of_image && driver::from_gl.count(mem))
         return driver::answer(std::vector<cl_mem>{driver::buffer_of_image}, size, value, size_ret);
     return REAL(clGetMemObjectInfo)(mem, what, size, value, size_ret);
 }
@@ -183,6 +186,7 @@ cl_int clGetImageInfo(cl_mem mem, cl_image_info what, size_t size, void *value, 
 }
 
 void *clGetExtensionFunctionAddressForPlatform(cl_platform_id, const char *name) {
+    ++driver::lookups;
     const auto found = driver::table.find(name);
     return driver::functions && found != driver::table.end() ? found->second : nullptr;
 }
@@ -220,6 +224,13 @@ class Interop : public test::DeviceTest {
         frame.output = out.view;
         make_pipeline().enqueue_frame(queue, frame);
         return download<std::uint16_t>(out);
+    }
+    // A context that has called no driver yet, of the cl_context of all.
+    clspeckle::Context fresh() const {
+        auto desc = clspeckle::make<ClspContextDesc>();
+        desc.cl_context_handle = context.info().cl_context_handle;
+        desc.cl_device = context.info().cl_device;
+        return clspeckle::Context(desc);
     }
     ClspStatus create_gl(std::uint64_t flags, std::uint32_t target, std::int32_t level, std::uint32_t texture) {
         cl_mem made = nullptr;
@@ -335,11 +346,37 @@ TEST_F(Interop, AFrameInMemoryOfAnotherApi) {
               driver::log);
 }
 
+TEST_F(Interop, FunctionsAreLookedUpOnceAContext) {
+    driver::gl_sharing = driver::gl_context = true;
+    driver::import_types = {0x2060};
+    const auto texture =
+        clspeckle::ClImage::from_gl(context, CL_MEM_READ_ONLY, gl_texture_2d, 0, driver::texture_float);
+    const int fd = memfd_create("memory", 0);
+    ASSERT_EQ(0, ftruncate(fd, 4096));
+    const auto buffer = clspeckle::Buffer::from_fd(context, CLSP_EXTERNAL_MEMORY_OPAQUE_FD, fd, 4096);
+    const clspeckle::Context once = fresh();
+    const auto frame = [&] {
+        for (const auto &[kind, mem] : {std::pair<std::uint32_t, cl_mem>{CLSP_SHARED_GL, texture},
+                                        std::pair<std::uint32_t, cl_mem>{CLSP_SHARED_EXTERNAL, buffer}}) {
+            clspeckle::shared::enqueue_acquire(once, queue, kind, {mem});
+            clspeckle::shared::enqueue_release(once, queue, kind, {mem});
+        }
+    };
+    driver::lookups = 0;
+    frame();
+    EXPECT_GE(driver::lookups, 8) << "extensions and function of each";
+    driver::lookups = 0;
+    frame();
+    frame();
+    EXPECT_EQ(0, driver::lookups);
+}
+
 TEST_F(Interop, WhatIsNotThereIsToldInWords) {
+    const clspeckle::Context bare = fresh();
     const Image image = make_image(width, height, CLSP_FORMAT_FLOAT32);
     cl_mem mem = image.buffer, made = nullptr;
     const auto acquire = [&](std::uint32_t kind) {
-        return clspSharedEnqueueAcquire(context, queue, kind, 1, &mem, 0, nullptr, nullptr);
+        return clspSharedEnqueueAcquire(bare, queue, kind, 1, &mem, 0, nullptr, nullptr);
     };
     // A driver that has neither.
     test::poison_last_error("clspClImageCreateFromGl");
@@ -348,25 +385,25 @@ TEST_F(Interop, WhatIsNotThereIsToldInWords) {
                                 CLSP_ERROR_UNSUPPORTED, "has no cl_khr_gl_sharing"));
     EXPECT_EQ(CLSP_ERROR_UNSUPPORTED, acquire(CLSP_SHARED_GL));
     EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "imports neither",
-                      clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, 0, 64, &made));
+                      clspBufferCreateFromFd(bare, CLSP_EXTERNAL_MEMORY_DMA_BUF, 0, 64, &made));
     EXPECT_EQ(CLSP_ERROR_UNSUPPORTED, acquire(CLSP_SHARED_EXTERNAL));
     // No GL context, no images, one type alone, a driver that lists what it has not.
     driver::gl_sharing = true;
     EXPECT_CLSP_FAILS(
         CLSP_ERROR_UNSUPPORTED, "made without a GL context",
-        clspClImageCreateFromGl(context, CL_MEM_READ_ONLY, gl_texture_2d, 0, driver::texture_float, &made));
+        clspClImageCreateFromGl(bare, CL_MEM_READ_ONLY, gl_texture_2d, 0, driver::texture_float, &made));
     driver::gl_context = true;
     driver::import_types = {0x2060};
     EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "imports no dma-bufs; export the memory as an opaque",
-                      clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, 0, 64, &made));
+                      clspBufferCreateFromFd(bare, CLSP_EXTERNAL_MEMORY_DMA_BUF, 0, 64, &made));
     driver::functions = false;
     EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "clEnqueueReleaseExternalMemObjectsKHR; update",
-                      clspSharedEnqueueRelease(context, queue, CLSP_SHARED_EXTERNAL, 1, &mem, 0, nullptr, nullptr));
+                      clspSharedEnqueueRelease(bare, queue, CLSP_SHARED_EXTERNAL, 1, &mem, 0, nullptr, nullptr));
     driver::images = false;
     EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "has no images (CL_DEVICE_IMAGE_SUPPORT); pass buffers",
-                      clspClImageEnqueueImport(context, queue, mem, 0, &image.view, 0, nullptr, nullptr));
+                      clspClImageEnqueueImport(bare, queue, mem, 0, &image.view, 0, nullptr, nullptr));
     EXPECT_CLSP_FAILS(CLSP_ERROR_UNSUPPORTED, "has no images (CL_DEVICE_IMAGE_SUPPORT); pass buffers",
-                      clspClImageEnqueueExport(context, queue, &image.view, mem, 0, nullptr, nullptr));
+                      clspClImageEnqueueExport(bare, queue, &image.view, mem, 0, nullptr, nullptr));
     EXPECT_EQ(nullptr, made);
 }
 
@@ -375,7 +412,8 @@ TEST_F(Interop, RefuseBadArguments) {
     driver::import_types = {0x2060, 0x2067};
     const Image image = make_image(width, height, CLSP_FORMAT_FLOAT32);
     cl_mem made = nullptr;
-    const cl_mem plain = image.buffer, none = nullptr;
+    const test::Foreign foreign;
+    const cl_mem plain = image.buffer, none = nullptr, strange[] = {plain, foreign.buffer};
     const auto texture =
         clspeckle::ClImage::from_gl(context, CL_MEM_READ_WRITE, gl_texture_2d, 0, driver::texture_float);
     const auto refused = [&](const std::string &words, std::uint64_t flags, std::uint32_t target, std::int32_t level,
@@ -406,6 +444,18 @@ TEST_F(Interop, RefuseBadArguments) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "type is", clspBufferCreateFromFd(context, type, 0, 64, &made));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fd is -1",
                       clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, -1, 64, &made));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "fd is 1000000, which is no open file descriptor",
+                      clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, 1000000, 64, &made));
+    const int fd = memfd_create("memory", 0);
+    for (const auto &[code, words] : {std::pair<cl_int, const char *>{CL_INVALID_VALUE, "CL_INVALID_VALUE"},
+                                      {CL_INVALID_PROPERTY, "CL_INVALID_PROPERTY"},
+                                      {CL_INVALID_BUFFER_SIZE, "CL_INVALID_BUFFER_SIZE"}}) {
+        driver::refuses = code;
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, std::string("as a dma-buf of 64 bytes (") + words + "): it must",
+                          clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, fd, 64, &made));
+    }
+    driver::refuses = CL_SUCCESS;
+    EXPECT_EQ(0, close(fd)) << "still the caller's";
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "size_bytes is 0",
                       clspBufferCreateFromFd(context, CLSP_EXTERNAL_MEMORY_DMA_BUF, 0, 0, &made));
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "mem",
@@ -426,6 +476,8 @@ TEST_F(Interop, RefuseBadArguments) {
         fails(CLSP_ERROR_INVALID_ARGUMENT, "at least one object", CLSP_SHARED_GL, 0, &plain);
         fails(CLSP_ERROR_INVALID_ARGUMENT, "mems is NULL", CLSP_SHARED_EXTERNAL, 1, nullptr);
         fails(CLSP_ERROR_INVALID_ARGUMENT, "mems[0] is NULL", CLSP_SHARED_GL, 1, &none);
+        for (const std::uint32_t kind : {CLSP_SHARED_GL, CLSP_SHARED_EXTERNAL})
+            fails(CLSP_ERROR_WRONG_CONTEXT, "mems[1] belongs to another cl_context", kind, 2, strange);
         fails(CLSP_ERROR_INVALID_ARGUMENT, "not made of an object of GL", CLSP_SHARED_GL, 1, &plain);
         fails(CLSP_ERROR_INVALID_ARGUMENT, "not made of a file descriptor", CLSP_SHARED_EXTERNAL, 1, &plain);
     }
@@ -436,6 +488,26 @@ TEST_F(Interop, RefuseBadArguments) {
     driver::buffer_of_image = image.buffer;
     EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "takes that buffer as it is",
                       clspClImageEnqueueImport(context, queue, texture, 0, &image.view, 0, nullptr, nullptr));
+    // Halves of one buffer: the cl_image's, and the image in that half, in the other, and in the whole buffer.
+    const std::size_t half = 4 * pixels;
+    const clspeckle::Buffer whole(context, 2 * half);
+    const auto part = [&](std::size_t offset) {
+        const cl_buffer_region region{offset, half};
+        cl_int code = CL_SUCCESS;
+        return clspeckle::Buffer::adopt(clCreateSubBuffer(whole, 0, CL_BUFFER_CREATE_TYPE_REGION, &region, &code),
+                                        half);
+    };
+    const clspeckle::Buffer first = part(0), again = part(0), second = part(half);
+    driver::buffer_of_image = first;
+    for (const clspeckle::Buffer *const buffer : {&first, &again, &whole}) {
+        const ClspImage view = buffer->image(width, height, CLSP_FORMAT_FLOAT32);
+        EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "takes that buffer as it is",
+                          clspClImageEnqueueImport(context, queue, texture, 0, &view, 0, nullptr, nullptr));
+        EXPECT_CLSP_FAILS(CLSP_ERROR_OVERLAP, "takes that buffer as it is",
+                          clspClImageEnqueueExport(context, queue, &view, texture, 0, nullptr, nullptr));
+    }
+    const ClspImage apart = second.image(width, height, CLSP_FORMAT_FLOAT32);
+    EXPECT_CLSP_OK(clspClImageEnqueueImport(context, queue, texture, 0, &apart, 0, nullptr, nullptr));
     driver::buffer_of_image = nullptr;
     driver::order = CL_DEPTH;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_FORMAT, "render the distance into a CL_R texture of CL_FLOAT",
