@@ -174,8 +174,8 @@ double move_strengths(EffectModel &model, const Eigen::VectorXd &step, double st
         Strength &s = model.strengths[p];
         const ModelEffect &effect = model.effects[s.effect];
         const double end = std::max(strongest, s.reach);
-        s.strength = effect.candidate->snapped(s.parameter, std::clamp(s.strength + bounded, effect.candidate->weakest(s.parameter), end),
-                                               effect.sign);
+        const double moved = std::clamp(s.strength + bounded, effect.candidate->weakest(s.parameter), end);
+        s.strength = effect.candidate->snapped(s.parameter, moved, effect.sign);
         largest = std::max(largest, std::abs(bounded));
     }
     return largest;
