@@ -344,6 +344,7 @@ TEST_F(Swap, WholeNumbersGoOneFurther) {
         FittedModel fitted;
         fitted.effects = model.settings();
         fitted.jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(runner.count()), 2);
+        fitted.columns = model.strengths;
         fitted.change = pool.mean(seeds) - fits.baseline_pool().mean(seeds);
         fits.judge(fitted, {fitted.effects, pool.levels, {}}, count, 0.0, 0.0);
         ASSERT_EQ(fitted.residual.detected, bits != 8.0);
