@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <fmt/format.h>
 #include <limits>
 #include <numeric>
@@ -22,6 +23,7 @@ constexpr double kAlike = 1e-3;      // neighbours that are more alike wander
 constexpr double kLeastGap = 8.0;    // in scatters, however many frames there are
 constexpr double kLeastLevel = 0.01; // changes that are told: of the level
 constexpr double kLeastLevelDn = 0.25, kLeastContrast = 0.02, kLeastCorrelation = 0.02;
+constexpr double kLeastNoise = 0.05; // of the noise
 constexpr double kNoLight = 0.02;    // of the brightest frame's
 constexpr double kLeastEnergy = 1.2; // factor on the mean squared difference of neighbouring frames
 constexpr double kLeastShare = 0.5;  // of the light of the brightest frame, where contrasts are compared
@@ -297,6 +299,11 @@ std::string step_of(const std::vector<PictureShift> &shifts, std::size_t frame) 
     return fmt::format(", by {:.2f} pixels ({:.2f} to the right, {:.2f} down)", std::hypot(x, y), x, y);
 }
 
+double median_of(Series values) {
+    std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
+    return values[values.size() / 2];
+}
+
 // Frames from which on a resting scene is another one: the difference to the frame before stands out.
 std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
     Series logs;
@@ -305,21 +312,94 @@ std::vector<std::size_t> find_breaks(const Series &energies, double scatter) {
             logs.push_back(std::log(energy));
     if (logs.size() < kLeastFrames - 1)
         return {};
-    const auto median = [](Series values) {
-        std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
-        return values[values.size() / 2];
-    };
-    const double usual = median(logs);
+    const double usual = median_of(logs);
     Series away;
     for (const double value : logs)
         away.push_back(std::abs(value - usual));
     constexpr double kNormalMad = 1.4826; // a normal law's deviation in median absolute deviations
-    const double limit = gap_limit(logs.size()) * std::max(kNormalMad * median(away), scatter);
+    const double limit = gap_limit(logs.size()) * std::max(kNormalMad * median_of(away), scatter);
     std::vector<std::size_t> breaks;
     for (std::size_t t = 0; t < energies.size(); ++t)
         if (energies[t] > 0.0 && std::log(energies[t]) - usual > std::max(limit, std::log(kLeastEnergy)))
             breaks.push_back(t + 1);
     return breaks;
+}
+
+// Deviation of the noise of frames. Their mean holds a part of each: of frames with unlike noise as well.
+double noise_of_frames(const SequenceScan &scan, const std::vector<std::size_t> &frames) {
+    const double n = double(scan.noise.frames.size());
+    double all = 0.0, own = 0.0;
+    for (const FrameNoise &frame : scan.noise.frames)
+        all += frame.square / (1.0 - 1.0 / n);
+    for (const std::size_t t : frames)
+        own += (scan.noise.frames[t].square - all / (n * n)) / (1.0 - 2.0 / n) / double(frames.size());
+    return std::sqrt(std::max(0.0, own));
+}
+
+std::vector<std::size_t> span_of(std::size_t first, std::size_t last) {
+    std::vector<std::size_t> frames(last - first);
+    std::iota(frames.begin(), frames.end(), first);
+    return frames;
+}
+
+// Some frames have another noise than the others. Steps of all scenes at rest; drifts, and frames that alternate, of
+// those whose frames know nothing of each other.
+struct NoiseChange {
+    std::vector<std::size_t> frames; // none: it drifts
+    bool steps = false;
+    double before = 0.0, after = 0.0; // of the step or drift; of the others and of these frames
+};
+
+std::optional<NoiseChange> noise_change(const SequenceScan &scan, bool independent) {
+    const std::size_t n = scan.noise.frames.size();
+    std::vector<std::uint64_t> hashes;
+    for (const FrameScan &frame : scan.frames)
+        hashes.push_back(frame.hash);
+    std::sort(hashes.begin(), hashes.end());
+    // Frames that come twice, which is told elsewhere, lie nearer to the mean.
+    if (std::adjacent_find(hashes.begin(), hashes.end()) != hashes.end())
+        return std::nullopt;
+    if (n < kLeastFrames)
+        return std::nullopt;
+    Series noises;
+    for (const FrameNoise &frame : scan.noise.frames) {
+        if (!(frame.square > 0.0 && (noises.empty() || frame.step > 0.0)))
+            return std::nullopt;
+        noises.push_back(0.5 * std::log(frame.square));
+    }
+    const double scatter = std::max(kRatioScatter, std::sqrt(0.5 / scan.noise.pixels));
+    // Rounding alone makes as much of a level that lies elsewhere between two codes.
+    const double rounding = 0.25 * double(least_step(scan.codes)) * double(least_step(scan.codes));
+    const auto counts = [&](double before, double after) {
+        return std::abs(after - before) > kLeastNoise &&
+               std::abs(std::exp(2.0 * after) - std::exp(2.0 * before)) > rounding;
+    };
+    // Another scene lies as far from the mean, but its frames do not differ more from each other.
+    const auto of_noise = [&](std::size_t frame, double change) {
+        Series parts[2];
+        for (std::size_t t = 1; t < n; ++t)
+            if (t != frame)
+                parts[t > frame].push_back(0.5 * std::log(scan.noise.frames[t].step));
+        return !parts[0].empty() && !parts[1].empty() && (median_of(parts[1]) - median_of(parts[0])) / change > 0.5;
+    };
+    if (const auto change = find_change(noises, scatter);
+        change && (independent || !change->drifts) && counts(change->before, change->after) &&
+        (change->drifts || of_noise(change->frame, change->after - change->before))) {
+        const std::size_t quarter = std::max<std::size_t>(1, n / 4);
+        const bool drifts = change->drifts;
+        return NoiseChange{drifts ? std::vector<std::size_t>() : std::vector{change->frame}, !drifts,
+                           noise_of_frames(scan, span_of(0, drifts ? quarter : change->frame)),
+                           noise_of_frames(scan, span_of(drifts ? n - quarter : change->frame, n))};
+    }
+    const auto groups = independent ? find_groups(noises, scatter) : std::nullopt;
+    if (!groups)
+        return std::nullopt;
+    const bool fewer_below = (*groups)[0].size() < (*groups)[1].size();
+    const std::vector<std::size_t> &odd = (*groups)[fewer_below ? 0 : 1], &others = (*groups)[fewer_below ? 1 : 0];
+    const double of_odd = mean_of_frames(noises, odd), of_others = mean_of_frames(noises, others);
+    if (!counts(of_others, of_odd))
+        return std::nullopt;
+    return NoiseChange{odd, false, noise_of_frames(scan, others), noise_of_frames(scan, odd)};
 }
 
 } // namespace
@@ -400,6 +480,25 @@ std::vector<SequenceChange> frame_changes(const CaptureLayout &capture, std::siz
     }
     if (!result.empty())
         return result; // what follows goes with the level
+
+    // Resting speckle may boil.
+    if (const auto noise = noise_change(scan, !is_laser(layout.scene))) {
+        const char *const cause = lit ? "the light, the gain or the exposure changed"
+                                      : "the gain, the exposure or the temperature changed, or something disturbs";
+        if (noise->steps)
+            say("noise_changes", noise->frames,
+                fmt::format("the noise steps from {:.2f} to {:.2f} DN at frame {}: {}", noise->before, noise->after,
+                            noise->frames.front(), cause));
+        else if (noise->frames.empty())
+            say("noise_changes", {},
+                fmt::format("the noise drifts from {:.2f} to {:.2f} DN: {}", noise->before, noise->after, cause));
+        else
+            say("noise_changes", noise->frames,
+                fmt::format("{} of {} frames ({}) have a noise of {:.2f} DN, the others {:.2f} DN: {} between frames",
+                            noise->frames.size(), seen.levels.size(), list_of(noise->frames), noise->after,
+                            noise->before, cause));
+        return result;
+    }
 
     if (!layout.moving && seen.energies.size() >= kLeastFrames - 1) {
         // Of so many squared differences of noise, with neighbours that share a frame.

@@ -19,17 +19,18 @@ struct SequenceChange : CaptureWarning {
 // The kind of frames without light among others that have some.
 constexpr const char *kFramesWithoutLight = "frames_without_light";
 
-// Steps, drifts and odd frames of the level, of the contrast, of the correlation of neighbours, and of what a resting
-// scene shows, each with numbers of frames (from 0). Of sequences of four frames and more. dark_level_dn: without
-// light.
+// Steps, drifts and odd frames of the level, of the noise, of the contrast, of the correlation of neighbours, and of
+// what a resting scene shows, each with numbers of frames (from 0). Of sequences of four frames and more.
+// dark_level_dn: without light.
 //
 // A step counts where its t (Student) is rarer than 1e-6 among all places, a drift where neighbouring frames are as
 // rarely so alike, which takes 14 frames. A level that follows a line (of four frames and more), or settles
 // exponentially within 1 to 8 frames (of eight and more), counts where frames that know nothing of each other do so in
-// 1e-5 of sequences, whatever they flicker by. All count where they are larger than 1 % of the level, 2 % of the
-// contrast, 0.02 of the correlation. Resting speckle may boil, so that its frames fluctuate together: of such sequences
-// these are not asked. Two groups of levels, and frames that differ from the one before by more than the others do,
-// count where the gap is as wide as a t of 1e-6, and 8 times the scatter within.
+// 1e-5 of sequences, whatever they flicker by. All count where they are larger than 1 % of the level, 5 % of the
+// noise, 2 % of the contrast, 0.02 of the correlation. Resting speckle may boil, so that its frames fluctuate together:
+// of such sequences these are not asked, but for steps of the noise. Two groups of levels, and frames that differ from
+// the one before by more than the others do, count where the gap is as wide as a t of 1e-6, and 8 times the scatter
+// within.
 constexpr double kChanceOfFrameChange = 1e-6, kChanceOfFrameCourse = 1e-5;
 std::vector<SequenceChange> frame_changes(const CaptureLayout &layout, std::size_t sequence, const SequenceScan &scan,
                                           double dark_level_dn);

@@ -208,6 +208,131 @@ std::vector<PictureShift> FrameSample::shifts(const std::vector<std::uint8_t> &m
     return result;
 }
 
+std::vector<FrameSample::NoiseTile> FrameSample::noise_tiles(const std::vector<std::uint8_t> &mask,
+                                                             std::uint32_t frames) const {
+    const std::size_t pixels = tile_pixels();
+    const double n = frames;
+    std::vector<NoiseTile> tiles(kTiles);
+    std::vector<float> usual;
+    std::array<std::vector<float>, kTiles> variances;
+    for (std::size_t k = 0; k < kTiles; ++k) {
+        NoiseTile &of = tiles[k];
+        of.k = k;
+        const std::vector<std::uint8_t> counts = counted(k, mask);
+        of.counts.assign(counts.begin(), counts.end());
+        std::vector<double> sums(pixels), squares(pixels);
+        for (std::uint32_t t = 0; t < frames; ++t) {
+            const std::uint16_t *now = tile(t, k);
+            for (std::size_t i = 0; i < pixels; ++i) {
+                sums[i] += now[i];
+                squares[i] += double(now[i]) * now[i];
+                of.counts[i] = now[i] != 0 && now[i] != top_ ? of.counts[i] : 0.0f;
+            }
+        }
+        for (std::size_t i = 0; i < pixels; ++i) {
+            of.means.push_back(float(sums[i] / n));
+            variances[k].push_back(float((squares[i] - sums[i] * sums[i] / n) / (n - 1.0)));
+            if (of.counts[i] != 0.0f)
+                usual.push_back(variances[k].back());
+        }
+    }
+    if (usual.empty())
+        return {};
+    std::nth_element(usual.begin(), usual.begin() + std::ptrdiff_t(usual.size() / 2), usual.end());
+    const float most = float(kUsualVariance) * usual[usual.size() / 2];
+    for (NoiseTile &of : tiles) {
+        double level = 0.0;
+        of.in_row.assign(tile_height_, 0.0f);
+        of.in_column.assign(tile_width_, 0.0f);
+        for (std::size_t i = 0; i < pixels; ++i) {
+            of.counts[i] = variances[of.k][i] <= most ? of.counts[i] : 0.0f;
+            of.pixels += of.counts[i];
+            of.in_row[i / tile_width_] += of.counts[i];
+            of.in_column[i % tile_width_] += of.counts[i];
+            level += double(of.counts[i]) * of.means[i];
+        }
+        level /= std::max(1.0, of.pixels);
+        for (std::size_t i = 0; i < pixels; ++i) {
+            of.away.push_back(of.counts[i] * float(of.means[i] - level));
+            of.spread += double(of.away[i]) * of.away[i];
+        }
+    }
+    tiles.erase(std::remove_if(tiles.begin(), tiles.end(),
+                               [](const NoiseTile &of) { return of.pixels < double(kLeastOfTile); }),
+                tiles.end());
+    return tiles;
+}
+
+void FrameSample::noise_of(const NoiseTile &of, std::uint32_t frame, std::vector<float> &rest,
+                           std::vector<float> &row_means) const {
+    const std::uint16_t *now = tile(frame, of.k);
+    const std::size_t pixels = tile_pixels();
+    rest.resize(pixels);
+    double mean = 0.0, slope = 0.0;
+    for (std::size_t i = 0; i < pixels; ++i) {
+        rest[i] = of.counts[i] * (float(now[i]) - of.means[i]);
+        mean += rest[i];
+        slope += double(rest[i]) * of.away[i];
+    }
+    // Light that flickers moves all pixels by their level.
+    const auto shared = float(mean / of.pixels), factor = float(of.spread > 0.0 ? slope / of.spread : 0.0);
+    for (std::size_t i = 0; i < pixels; ++i)
+        rest[i] -= of.counts[i] * (shared + factor * of.away[i]);
+    row_means.assign(tile_height_, 0.0f);
+    std::vector<float> column_means(tile_width_, 0.0f);
+    for (std::size_t y = 0; y < tile_height_; ++y) {
+        float *row = rest.data() + y * tile_width_;
+        const float *counts = of.counts.data() + y * tile_width_;
+        float sum = 0.0f;
+        for (std::size_t x = 0; x < tile_width_; ++x)
+            sum += row[x];
+        row_means[y] = sum / std::max(1.0f, of.in_row[y]);
+        for (std::size_t x = 0; x < tile_width_; ++x) {
+            row[x] -= counts[x] * row_means[y];
+            column_means[x] += row[x];
+        }
+    }
+    for (std::size_t x = 0; x < tile_width_; ++x)
+        column_means[x] /= std::max(1.0f, of.in_column[x]);
+    for (std::size_t y = 0; y < tile_height_; ++y)
+        for (std::size_t x = 0; x < tile_width_; ++x)
+            rest[y * tile_width_ + x] -= of.counts[y * tile_width_ + x] * column_means[x];
+}
+
+FrameNoises FrameSample::noise(const std::vector<std::uint8_t> &mask) const {
+    FrameNoises result;
+    if (frames_ < kLeastNoiseFrames)
+        return result;
+    const std::vector<NoiseTile> tiles = noise_tiles(mask, frames_);
+    result.frames.resize(frames_);
+    std::array<std::vector<float>, 2> rooms;
+    std::vector<float> row_means;
+    for (const NoiseTile &of : tiles) {
+        // The means that are taken off take as many degrees of freedom.
+        const auto with_pixels = [](float count) { return count > 0.0f; };
+        result.pixels += of.pixels + 1.0 - double(std::count_if(of.in_row.begin(), of.in_row.end(), with_pixels)) -
+                         double(std::count_if(of.in_column.begin(), of.in_column.end(), with_pixels));
+        for (std::uint32_t t = 0; t < frames_; ++t) {
+            std::vector<float> &rest = rooms[t % 2], &before = rooms[(t + 1) % 2];
+            noise_of(of, t, rest, row_means);
+            float square = 0.0f, step = 0.0f;
+            for (std::size_t i = 0; i < rest.size(); ++i)
+                square += rest[i] * rest[i];
+            for (std::size_t i = 0; t > 0 && i < rest.size(); ++i)
+                step += (rest[i] - before[i]) * (rest[i] - before[i]);
+            result.frames[t].square += square;
+            result.frames[t].step += step;
+        }
+    }
+    if (result.pixels < double(kLeastOfTile))
+        return {};
+    for (FrameNoise &frame : result.frames) {
+        frame.square /= result.pixels;
+        frame.step /= result.pixels;
+    }
+    return result;
+}
+
 NoiseCorrelations FrameSample::correlations(const std::vector<std::uint8_t> &mask) const {
     NoiseCorrelations result;
     if (frames_ < kLeastNoiseFrames || tile_width_ <= kFarLast || tile_height_ <= kFarLast)
@@ -216,69 +341,26 @@ NoiseCorrelations FrameSample::correlations(const std::vector<std::uint8_t> &mas
     const auto frames =
         static_cast<std::uint32_t>(std::clamp<std::size_t>(kMostNoise / (kTiles * pixels), kLeastNoiseFrames, frames_));
     const double n = frames;
-    std::array<std::vector<std::uint8_t>, kTiles> counts;
-    std::array<std::vector<float>, kTiles> means, variances;
-    std::vector<float> usual;
-    for (std::size_t k = 0; k < kTiles; ++k) {
-        counts[k] = counted(k, mask);
-        std::vector<double> sums(pixels), squares(pixels);
-        for (std::uint32_t t = 0; t < frames; ++t) {
-            const std::uint16_t *now = tile(t, k);
-            for (std::size_t i = 0; i < pixels; ++i) {
-                sums[i] += now[i];
-                squares[i] += double(now[i]) * now[i];
-                counts[k][i] &= now[i] != 0 && now[i] != top_;
-            }
-        }
-        for (std::size_t i = 0; i < pixels; ++i) {
-            means[k].push_back(float(sums[i] / n));
-            variances[k].push_back(float((squares[i] - sums[i] * sums[i] / n) / (n - 1.0)));
-            if (counts[k][i])
-                usual.push_back(variances[k].back());
-        }
-    }
-    if (usual.empty())
-        return result;
-    std::nth_element(usual.begin(), usual.begin() + std::ptrdiff_t(usual.size() / 2), usual.end());
-    const float most = float(kUsualVariance) * usual[usual.size() / 2];
-
-    std::vector<double> right, down, next;
-    for (std::size_t k = 0; k < kTiles; ++k) {
-        double counted_pixels = 0.0, level = 0.0, spread = 0.0;
-        for (std::size_t i = 0; i < pixels; ++i) {
-            counts[k][i] &= variances[k][i] <= most;
-            counted_pixels += counts[k][i];
-            level += counts[k][i] * means[k][i];
-        }
-        if (counted_pixels < double(kLeastOfTile))
-            continue;
-        level /= counted_pixels;
-        std::vector<float> away(pixels); // of the pixel's mean from the tile's
-        for (std::size_t i = 0; i < pixels; ++i) {
-            away[i] = counts[k][i] ? float(means[k][i] - level) : 0.0f;
-            spread += double(away[i]) * away[i];
-        }
+    std::vector<double> right, down, next, rows;
+    double rows_square = 0.0, rows_count = 0.0;
+    std::array<std::vector<float>, 2> rooms{std::vector<float>(pixels), std::vector<float>(pixels)};
+    std::vector<float> row_means;
+    for (const NoiseTile &of : noise_tiles(mask, frames)) {
         // Sums of products, and how many: at the pixel, beside it, farther in its row; below it, farther in its column.
         constexpr std::size_t kLags = 2 + kFarLast - kFarFirst;
         double own = 0.0, products[2][kLags] = {}, pairs[2][kLags] = {}, in_time = 0.0;
-        std::array<std::vector<float>, 2> rooms{std::vector<float>(pixels), std::vector<float>(pixels)};
+        double row_squares = 0.0, row_products = 0.0;
         const auto lag_of = [](std::size_t j) { return j == 0 ? std::size_t{1} : kFarFirst + j - 1; };
         for (std::uint32_t t = 0; t < frames; ++t) {
-            const std::uint16_t *now = tile(t, k);
             std::vector<float> &rest = rooms[t % 2], &before = rooms[(t + 1) % 2];
-            double mean = 0.0, slope = 0.0;
+            noise_of(of, t, rest, row_means);
             for (std::size_t i = 0; i < pixels; ++i) {
-                rest[i] = counts[k][i] ? float(now[i]) - means[k][i] : 0.0f;
-                mean += rest[i];
-                slope += double(rest[i]) * away[i];
-            }
-            // Light that flickers moves all pixels by their level.
-            mean /= counted_pixels;
-            slope = spread > 0.0 ? slope / spread : 0.0;
-            for (std::size_t i = 0; i < pixels; ++i) {
-                rest[i] -= counts[k][i] ? float(mean + slope * away[i]) : 0.0f;
                 own += double(rest[i]) * rest[i];
                 in_time += t > 0 ? double(rest[i]) * before[i] : 0.0;
+            }
+            for (std::size_t y = 0; y < tile_height_; ++y) {
+                row_squares += double(row_means[y]) * row_means[y];
+                row_products += y > 0 ? double(row_means[y]) * row_means[y - 1] : 0.0;
             }
             for (std::size_t j = 0; j < kLags; ++j) {
                 const std::size_t lag = lag_of(j);
@@ -298,10 +380,11 @@ NoiseCorrelations FrameSample::correlations(const std::vector<std::uint8_t> &mas
             for (std::size_t y = 0; y < tile_height_; ++y)
                 for (std::size_t x = 0; x < tile_width_; ++x) {
                     const std::size_t i = y * tile_width_ + x, lag = lag_of(j);
-                    pairs[0][j] += x + lag < tile_width_ ? n * counts[k][i] * counts[k][i + lag] : 0.0;
-                    pairs[1][j] += y + lag < tile_height_ ? n * counts[k][i] * counts[k][i + lag * tile_width_] : 0.0;
+                    const double counts = n * of.counts[i];
+                    pairs[0][j] += x + lag < tile_width_ ? counts * of.counts[i + lag] : 0.0;
+                    pairs[1][j] += y + lag < tile_height_ ? counts * of.counts[i + lag * tile_width_] : 0.0;
                 }
-        own /= n * counted_pixels;
+        own /= n * of.pixels;
         for (const std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
             double far = 0.0, far_pairs = 0.0;
             for (std::size_t j = 1; j < kLags; ++j) {
@@ -310,17 +393,24 @@ NoiseCorrelations FrameSample::correlations(const std::vector<std::uint8_t> &mas
             }
             if (far_pairs < double(kLeastOfTile) || pairs[axis][0] < double(kLeastOfTile))
                 continue;
+            // Without the means of rows and columns even independent pixels have a small one, at all distances alike.
             far /= far_pairs;
             if (own > far)
                 (axis == 0 ? right : down).push_back((products[axis][0] / pairs[axis][0] - far) / (own - far));
         }
         // Without the frames' mean even independent ones have a correlation of -1 / (frames - 1).
         if (own > 0.0)
-            next.push_back(in_time / ((n - 1.0) * counted_pixels) / own + 1.0 / (n - 1.0));
+            next.push_back(in_time / ((n - 1.0) * of.pixels) / own + 1.0 / (n - 1.0));
+        if (row_squares > 0.0)
+            rows.push_back(row_products / row_squares);
+        rows_square += row_squares;
+        rows_count += (n - 1.0) * double(tile_height_);
     }
     result.right = agreed(right);
     result.down = agreed(down);
     result.next = agreed(next);
+    result.rows = agreed(rows);
+    result.rows_dn = rows_count > 0.0 ? std::sqrt(rows_square / rows_count) : 0.0;
     return result;
 }
 

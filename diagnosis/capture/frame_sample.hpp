@@ -27,6 +27,19 @@ struct NoiseCorrelation {
 struct NoiseCorrelations {
     NoiseCorrelation right, down; // of neighbours
     NoiseCorrelation next;        // of a pixel and itself in the next frame
+    NoiseCorrelation rows;        // of the means of neighbouring rows
+    double rows_dn = 0.0;         // deviation of the rows' means in time
+};
+
+// Of one frame, without what the frame, a row or a column shares: mean squares over the pixels, in DN^2.
+struct FrameNoise {
+    double square = 0.0; // about the pixels' means over frames
+    double step = 0.0;   // of the difference to the frame before; 0 of frame 0
+};
+
+struct FrameNoises {
+    std::vector<FrameNoise> frames;
+    double pixels = 0.0; // that it is a mean of, less those that the rows' and columns' means take
 };
 
 // 16 tiles of up to 64 x 64 pixels, fewer of many frames, of the first 1024 frames: 8 MB at most.
@@ -42,6 +55,8 @@ class FrameSample {
     std::vector<PictureShift> shifts(const std::vector<std::uint8_t> &mask) const;
     // Of dark frames and even light. Pixels that have 4 times the usual variance, or that clip, do not count.
     NoiseCorrelations correlations(const std::vector<std::uint8_t> &mask) const;
+    // Of scenes at rest, with the same pixels. Empty where too little of the sample counts.
+    FrameNoises noise(const std::vector<std::uint8_t> &mask) const;
 
   private:
     static constexpr std::size_t kTilesAcross = 4, kTiles = kTilesAcross * kTilesAcross;
@@ -53,6 +68,18 @@ class FrameSample {
     const std::uint16_t *tile(std::uint32_t frame, std::size_t k) const {
         return codes_.data() + (std::size_t{frame} * kTiles + k) * tile_pixels();
     }
+    // What a tile's noise is measured about.
+    struct NoiseTile {
+        std::size_t k = 0;
+        std::vector<float> counts, means, away; // by pixel: 1 or 0, the mean over frames, that from the tile's
+        double pixels = 0.0, spread = 0.0;      // that count; sum of the squares of away
+        std::vector<float> in_row, in_column;   // pixels that count
+    };
+    // Those that have enough pixels, of the first frames.
+    std::vector<NoiseTile> noise_tiles(const std::vector<std::uint8_t> &mask, std::uint32_t frames) const;
+    // The noise of a frame by pixel, without what the frame, a row or a column shares; row_means: what was.
+    void noise_of(const NoiseTile &of, std::uint32_t frame, std::vector<float> &rest,
+                  std::vector<float> &row_means) const;
     // By pixel of a tile.
     std::vector<std::uint8_t> counted(std::size_t k, const std::vector<std::uint8_t> &mask) const;
 

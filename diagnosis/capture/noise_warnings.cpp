@@ -8,7 +8,7 @@ namespace clsp {
 namespace {
 
 constexpr const char *kKind = "denoised";
-constexpr double kLeastOfNeighbours = 0.1, kLeastInTime = 0.25, kLessThanDark = 0.6;
+constexpr double kLeastOfNeighbours = 0.1, kLeastInTime = 0.25, kLeastOfRows = 0.4, kLessThanDark = 0.6;
 constexpr double kFewPixels = 0.01; // of the pixels
 
 bool stands_out(const NoiseCorrelation &correlation, double least) {
@@ -35,15 +35,27 @@ double of_neighbours(const NoiseCorrelations &one) {
 std::vector<CaptureWarning> noise_warnings(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
                                            const std::vector<SequenceSummary> &summaries, double dark_noise_dn) {
     std::vector<CaptureWarning> warnings;
-    Place space, time;
+    Place space, time, rows;
     for (std::size_t i = 0; i < scans.size(); ++i) {
         const NoiseCorrelations &one = scans[i].correlations;
         const std::string &name = layout.sequences[i].name;
         if (stands_out(one.right, kLeastOfNeighbours) || stands_out(one.down, kLeastOfNeighbours))
             add(space, name, one, space.most ? of_neighbours(*space.most) : 0.0, of_neighbours(one));
+        // Smoothing makes neighbouring rows alike, too.
+        else if (one.rows.sure && one.rows.value > kLeastOfRows)
+            add(rows, name, one, rows.most ? rows.most->rows_dn : 0.0, one.rows_dn);
         if (stands_out(one.next, kLeastInTime))
             add(time, name, one, time.most ? time.most->next.value : 0.0, one.next.value);
     }
+    if (rows.most)
+        warnings.push_back(
+            {"",
+             fmt::format(
+                 "neighbouring rows go up and down together, by {:.1f} DN from frame to frame (in {}): bands of "
+                 "light that flickers under a rolling shutter, or of a supply that hums. No effect does that. "
+                 "Take steady light, or expose for whole periods of it",
+                 rows.most->rows_dn, rows.sequences),
+             "bands"});
     if (space.most)
         warnings.push_back(
             {"",
@@ -63,7 +75,7 @@ std::vector<CaptureWarning> noise_warnings(const CaptureLayout &layout, const st
                          "scene's",
                          time.most->next.value, time.sequences),
              kKind});
-    for (std::size_t i = 0; i < scans.size() && warnings.empty(); ++i) {
+    for (std::size_t i = 0; i < scans.size() && !space.most && !time.most; ++i) {
         const SequenceLayout &sequence = layout.sequences[i];
         const SequenceSummary &seen = summaries[i];
         if (sequence.scene == CaptureScene::kDark || (sequence.moving && is_laser(sequence.scene)) ||

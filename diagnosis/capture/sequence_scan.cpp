@@ -164,6 +164,8 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
     scan.pile = find_pile(histogram);
     histogram[0] = histogram[top] = 0; // what clips says nothing of its neighbours
     scan.codes = usual_codes(histogram);
+    if (rests)
+        scan.noise = sample.noise(left);
     if (rests && is_laser(of.scene))
         scan.shifts = sample.shifts(left);
     else if (rests)

@@ -40,6 +40,7 @@ struct SequenceScan {
     std::shared_ptr<const PixelOddities> oddities; // pixel_oddities.hpp
     std::vector<PictureShift> shifts;              // by frame, of laser light at rest
     NoiseCorrelations correlations;                // of dark frames and even light
+    FrameNoises noise;                             // of scenes at rest
     std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };
 

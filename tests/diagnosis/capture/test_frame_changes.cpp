@@ -241,6 +241,77 @@ TEST(FrameChanges, AnotherSceneIsTold) {
                 {"the contrast steps", "at frame 9"});
 }
 
+// Frames of a level of their own and a noise of their own, in each scene at rest.
+Capture noisy_capture(CaptureScene scene, std::uint32_t frames, std::mt19937_64 &random,
+                      const std::function<double(std::uint32_t)> &deviation) {
+    std::normal_distribution<double> normal;
+    const Image still = scene == CaptureScene::kDark   ? even(0.0)
+                        : scene == CaptureScene::kFlat ? even()
+                                                       : speckle(random);
+    return capture_of(scene, false, frames, random, [&](auto t) {
+        Image image = still;
+        const double own = std::sqrt(std::max(0.0, std::pow(deviation(t), 2.0) - kNoise * kNoise));
+        for (double &value : image)
+            value += own / kLight * normal(random);
+        return image;
+    });
+}
+
+// Wherever the step is, up and down, in the dark, in even light and on a board at rest: 40 draws each.
+TEST(FrameChanges, StepsOfTheNoiseAreToldWithTheirFrame) {
+    std::mt19937_64 random(48);
+    for (int i = 0; i < 40; ++i)
+        for (const CaptureScene scene : {CaptureScene::kDark, CaptureScene::kFlat, CaptureScene::kBoard}) {
+            const auto frames = static_cast<std::uint32_t>(8 + random() % 30);
+            const auto at = static_cast<std::uint32_t>(2 + random() % (frames - 3));
+            const double before = i % 2 ? 4.0 : 8.0, after = i % 2 ? 8.0 : 4.0;
+            expect_says(noisy_capture(scene, frames, random, [&](auto t) { return t < at ? before : after; }),
+                        {"the noise steps", "at frame " + std::to_string(at) + ":"});
+        }
+    // A tenth, of 40 frames: 1200 pixels tell the noise of a frame to 2 %, so that t is 15.
+    expect_says(noisy_capture(CaptureScene::kDark, 40, random, [&](auto t) { return t < 20 ? 6.0 : 6.6; }),
+                {"the noise steps", "at frame 20:"});
+}
+
+TEST(FrameChanges, NoiseThatDriftsOrAlternatesIsTold) {
+    std::mt19937_64 random(49);
+    // The text is followed by a deviation: of 1200 pixels of a frame, less their rows and columns, good to 2.3 %. Pixels
+    // with four times the usual variance are left out, which one noisy frame makes of some.
+    const auto number = [](const std::string &text, const char *before) {
+        const std::size_t at = text.find(before);
+        return at == std::string::npos ? 0.0 : std::stod(text.substr(at + std::string(before).size()));
+    };
+    for (const CaptureScene scene : {CaptureScene::kDark, CaptureScene::kFlat}) {
+        expect_says(noisy_capture(scene, 20, random, [](auto t) { return 4.0 + 0.2 * t; }), {"the noise drifts"});
+        const std::string half = said(noisy_capture(scene, 12, random, [](auto t) { return t % 2 ? 8.0 : 4.0; }));
+        EXPECT_NEAR(number(half, "6 of 12 frames (1, 3, 5, 7, 9, 11) have a noise of "), 8.0, 0.6) << half;
+        EXPECT_NEAR(number(half, "the others "), 4.0, 0.3) << half;
+        const std::string one = said(noisy_capture(scene, 12, random, [](auto t) { return t == 5 ? 8.0 : 4.0; }));
+        EXPECT_NEAR(number(one, "1 of 12 frames (5) have a noise of "), 7.5, 1.0) << one;
+        EXPECT_NEAR(number(one, "the others "), 4.0, 0.3) << one;
+    }
+}
+
+// A minority of frames of another scene lies farther from the mean than the others do, with the same noise.
+TEST(FrameChanges, AnotherSceneIsNoOtherNoise) {
+    std::mt19937_64 random(50);
+    for (int i = 0; i < 20; ++i) {
+        const Image first = speckle(random), second = speckle(random);
+        const std::uint32_t at = 10 + i % 5;
+        const std::string text = said(capture_of(CaptureScene::kBoard, false, 16, random, [&](auto t) {
+            Image image = t < at ? first : second;
+            double level = 0.0;
+            for (const double value : image)
+                level += value / double(image.size());
+            for (double &value : image)
+                value /= level;
+            return image;
+        }));
+        EXPECT_EQ(text.find("noise"), std::string::npos) << text;
+        EXPECT_NE(text.find("changes at frame " + std::to_string(at)), std::string::npos) << text;
+    }
+}
+
 // A sensor with lag keeps something of the frame before, which a first frame has not.
 TEST(FrameChanges, AFirstFrameWithoutOneBeforeItIsNoOther) {
     std::mt19937_64 random(44);

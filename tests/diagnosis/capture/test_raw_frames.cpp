@@ -97,7 +97,8 @@ struct Set {
     std::vector<CaptureWarning> told() const {
         std::vector<CaptureWarning> result;
         for (const CaptureWarning &warning : summarize_capture(capture).warnings)
-            if (warning.kind == "transient_pixels" || warning.kind == "picture_moves" || warning.kind == "denoised")
+            if (warning.kind == "transient_pixels" || warning.kind == "picture_moves" || warning.kind == "denoised" ||
+                warning.kind == "bands")
                 result.push_back(warning);
         return result;
     }
@@ -289,6 +290,29 @@ TEST(RawFrames, NoiseThatIsShared) {
             const char *const word = kind == 3 ? "sharpens" : kind < 3 ? "interpolates" : "from frame to frame";
             EXPECT_NE(warnings[0].text.find(word), std::string::npos) << names[kind] << ": " << warnings[0].text;
         }
+}
+
+// Even light that flickers by 5 % under a rolling shutter, in bands of 15 to 40 rows that are elsewhere in each frame:
+// told as bands in each of 60 sets, and not as a camera that denoises or averages.
+TEST(RawFrames, BandsAreNoDenoising) {
+    std::mt19937_64 random(396);
+    std::uniform_real_distribution<double> unit(0.0, 1.0);
+    for (int draw = 0; draw < 60; ++draw) {
+        const double rows = std::array{15.0, 25.0, 40.0}[draw % 3], walk = draw % 2 ? 0.4 : 0.0;
+        Set set;
+        set.add("dark", CaptureScene::kDark, 8, random, [](auto) { return even(0.0); });
+        set.add("flat", CaptureScene::kFlat, frames_of(draw), random, [&](std::uint32_t t) {
+            const double phase = walk > 0.0 ? walk * t : unit(random);
+            Image light = even(400.0);
+            for (std::size_t i = 0; i < kPixels; ++i)
+                light[i] *= 1.0 + 0.05 * std::sin(2.0 * M_PI * (double(i / kWidth) / rows + phase));
+            return light;
+        });
+        const std::vector<CaptureWarning> warnings = set.told();
+        ASSERT_EQ(1u, warnings.size()) << rows << ", " << draw << ": " << (warnings.empty() ? "" : warnings[0].text);
+        EXPECT_EQ("bands", std::string(warnings[0].kind)) << warnings[0].text;
+        EXPECT_NE(warnings[0].text.find("(in flat)"), std::string::npos) << warnings[0].text;
+    }
 }
 
 // Lit frames alone: less noise than in the dark.

@@ -56,6 +56,28 @@ def test_a_scene_that_changes_half_way_is_a_gap(tmp_path: Path, change: str) -> 
     assert rungs["dark"]["verdict"] == "none"
 
 
+@pytest.mark.parametrize("scene", ["dark", "board_static"])
+def test_noise_that_doubles_half_way_is_a_gap(tmp_path: Path, scene: str) -> None:
+    """Halves with as much noise as each other have statistics that one camera could have; frames tell."""
+    folder = tmp_path / "set"
+    write_capture(folder, draw_camera(904, 96, 80), {}, FRAMES, 97)
+    codes = np.load(folder / f"{scene}.npy").astype(float)
+    half = FRAMES // 2
+    codes[half:] += np.random.default_rng(98).normal(0, 8 if scene == "dark" else 12, codes[half:].shape)
+    np.save(folder / f"{scene}.npy", np.clip(np.rint(codes), 0, 1023).astype(np.uint16))
+    described = json.loads((folder / "capture.json").read_text())
+    described["sequences"] = [s for s in described["sequences"] if s["name"] in ("dark", scene)]
+    (folder / "capture.json").write_text(json.dumps(described))
+    report = diagnosed(folder)
+    [change] = report["gap"]["frame_changes"]
+    assert change["sequence"] == scene
+    assert "the noise steps from" in change["text"] and f"at frame {half}:" in change["text"]
+    assert report["gap"]["detected"] and report["gap"]["p_value"] <= 1e-6
+    assert report["cause"]["verdict"] == "unknown"
+    rungs = {rung["rung"]: rung["verdict"] for rung in report["cause"]["rungs"]}
+    assert rungs["dark" if scene == "dark" else "board"] == "unknown"
+
+
 @pytest.mark.parametrize("change", ["drift", "step"])
 def test_a_lamp_drifts_in_a_lab_and_steps_in_none(tmp_path: Path, change: str) -> None:
     """Both by 20 % of the light: a drift is calibrated and told, a step is another scene."""
