@@ -394,6 +394,11 @@ bool has_picture(const std::vector<std::string> &channels) {
                        [&](const std::string &layer) { return !layers.picture(layer).empty(); });
 }
 
+bool has_depth(const std::vector<std::string> &channels) {
+    const std::vector<std::vector<Names>> groups = candidates(channels, Role::depth);
+    return !groups[0].empty() || !groups[1].empty(); // the last one is of channels without a name
+}
+
 std::unique_ptr<Reader> select_samples(std::unique_ptr<Reader> reader, const ReadRequest &request) {
     const Info &info = reader->info();
     Names names = info.channels == 1   ? Names{"Y"}

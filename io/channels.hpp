@@ -26,6 +26,8 @@ std::vector<std::string> select_channels(const std::string &path, const std::vec
 
 /** True if some of the channels make a picture: Y, or R, G and B of one layer. */
 bool has_picture(const std::vector<std::string> &channels);
+/** Whether any channel or layer is named as a depth. */
+bool has_depth(const std::vector<std::string> &channels);
 
 /** A reader of some of the channels of another one; those without names go by R, G, B, A or their number from 0. */
 std::unique_ptr<Reader> select_samples(std::unique_ptr<Reader> reader, const ReadRequest &request);

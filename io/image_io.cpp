@@ -1,5 +1,7 @@
 #include "image_io.hpp"
 
+#include "io/byte_order.hpp"
+
 #include <fmt/format.h>
 
 #include <sys/stat.h>
@@ -195,8 +197,16 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
     const Decoder light(decoding(reader, encoding, warnings), info.full_scale);
     bool colored = false;
     bool transparent = false;
+    // Whatever the format is; some look at their words when they are opened.
+    constexpr std::size_t most_looked_at = 65536;
+    const bool words = info.sample == "uint16" && info.looks_swapped.empty() && !info.white_is_zero;
+    const std::size_t row_step = 1 + row_values * info.height / most_looked_at;
+    detail::WholeNumbers whole(2);
     reader.read_rows(frame, [&](const float *row) {
         const std::size_t start = plane.values.size();
+        if (words && start / row_values % row_step == 0)
+            for (std::size_t x = 0; x < row_values; ++x)
+                whole.add(static_cast<std::uint16_t>(row[x * info.channels]));
         plane.values.resize(start + row_values);
         float *out = plane.values.data() + start;
         for (std::size_t x = 0; x < row_values; ++x, row += info.channels) {
@@ -211,6 +221,9 @@ Plane read_gray(Reader &reader, std::uint64_t frame, std::vector<std::string> &w
         }
     });
     tell(); // some readers know what follows the image only now
+    if (const unsigned bits = whole.bits_if_swapped(); bits > 0)
+        warnings.push_back(
+            fmt::format("{}: its words {}. If so, save array.byteswap()", reader.path(), detail::told_swapped(bits)));
     if (colored && differing == Colors::refused)
         throw ReadError(
             reader.path(),

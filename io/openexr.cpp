@@ -14,6 +14,7 @@
 #include <ImfMultiPartInputFile.h>
 #include <ImfPartType.h>
 #include <ImfStandardAttributes.h>
+#include <ImfStringAttribute.h>
 #include <openexr.h>
 
 #include <algorithm>
@@ -31,10 +32,31 @@ const char *sample_name(Imf::PixelType type) {
     return type == Imf::HALF ? "float16" : type == Imf::FLOAT ? "float32" : "uint32";
 }
 
+/** The name of a compression that changes numbers of that kind; empty: it keeps them. */
+std::string lossy_name(Imf::Compression compression, const std::string &channel, Imf::PixelType type) {
+    switch (compression) {
+    case Imf::PXR24_COMPRESSION:
+        return type == Imf::FLOAT ? "PXR24, of 24 bits" : "";
+    case Imf::B44_COMPRESSION:
+    case Imf::B44A_COMPRESSION:
+        return type == Imf::HALF ? "B44" : "";
+    case Imf::DWAA_COMPRESSION:
+    case Imf::DWAB_COMPRESSION: {
+        // It knows pictures by the last word of a channel's name, and keeps the others.
+        const std::string last = channel.substr(channel.rfind('.') + 1);
+        const bool picture = last == "R" || last == "G" || last == "B" || last == "Y" || last == "RY" || last == "BY";
+        return picture && type != Imf::UINT ? "DWA" : "";
+    }
+    default:
+        return "";
+    }
+}
+
 /** One part's pixels of a plain file, or of one with several parts. */
 struct Part {
     std::unique_ptr<Imf::InputPart> pixels;
     std::string name;
+    Imf::Compression compression = Imf::NO_COMPRESSION;
     Imath::Box2i data;
     Imath::Box2i display;
 };
@@ -138,6 +160,23 @@ class ExrFile final : public ChannelFile {
 
     void read_rows(const std::vector<std::string> &names, const RowSink &sink) const override;
 
+    /** The compression of a channel, where it changes numbers. */
+    std::string lossy(const std::string &channel) const {
+        const Place *place = find(channel);
+        return place ? lossy_name(parts_[place->part].compression, place->name, place->type) : "";
+    }
+
+    /** Views of one file whose channels of the first have no word for it; empty: it has one. */
+    std::vector<std::string> views() const {
+        return Imf::hasMultiView(file_->header(0)) ? Imf::multiView(file_->header(0)) : std::vector<std::string>();
+    }
+
+    /** A text of the first part's header; empty: it has none. */
+    std::string text(const char *attribute) const {
+        const auto *found = file_->header(0).findTypedAttribute<Imf::StringAttribute>(attribute);
+        return found ? found->value() : "";
+    }
+
     /** What 1 means, as the first part says; 0: it does not. */
     float white_luminance() const {
         return Imf::hasWhiteLuminance(file_->header(0)) ? Imf::whiteLuminance(file_->header(0)) : 0.0f;
@@ -166,6 +205,7 @@ class ExrFile final : public ChannelFile {
                 continue;
             }
             Part part;
+            part.compression = header.compression();
             part.data = header.dataWindow();
             part.display = header.displayWindow();
             part.name = file_->parts() > 1 && header.hasName() ? header.name() : "";
@@ -304,6 +344,20 @@ class ExrReader final : public Reader {
                                                  "(--irradiance-scale)",
                                                  luminance));
         warn_of_aspect(file_.pixel_aspect());
+        for (const std::string &name : names_)
+            if (const std::string lossy = file_.lossy(name); !lossy.empty() && !info_.lossy) {
+                info_.lossy = true;
+                info_.warnings.push_back(fmt::format("its compression ({}) is lossy. Where intensities matter save it "
+                                                     "with ZIP or PIZ",
+                                                     lossy));
+            }
+        for (const char *said_by : {"colorInteropID", "oiio:ColorSpace"})
+            if (const std::string space = file_.text(said_by); !space.empty())
+                info_.transfer = transfer_of_color_space(space, fmt::format("its attribute {}", said_by));
+        if (const std::vector<std::string> views = file_.views(); request.channel.empty() && views.size() > 1)
+            info_.warnings.push_back(fmt::format("it holds the views {}, of which {} is taken; name one behind "
+                                                 "the file's name, for example {}:{}",
+                                                 fmt::join(views, ", "), views.front(), path, views[1]));
     }
 
     void read_rows(std::uint64_t, const RowSink &sink) override { file_.read_rows(names_, sink); }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -229,6 +230,20 @@ std::vector<Series> series_of(const std::vector<std::string> &names) {
     return result;
 }
 
+namespace {
+
+/** The patterns of several, for messages. */
+std::string told(const std::vector<Series> &found) {
+    constexpr std::size_t most = 6;
+    std::string list;
+    for (std::size_t i = 0; i < std::min(found.size(), most); ++i)
+        list += fmt::format("{}{}{}", i ? ", " : "", found[i].pattern,
+                            found[i].names.size() > 1 ? fmt::format(" ({} files)", found[i].names.size()) : "");
+    return found.size() > most ? fmt::format("{} and {} more", list, found.size() - most) : list;
+}
+
+} // namespace
+
 std::string why_no_series(const std::string &folder, const std::vector<std::string> &paths, const std::string &before,
                           const std::string &behind) {
     std::vector<std::string> names;
@@ -240,20 +255,16 @@ std::string why_no_series(const std::string &folder, const std::vector<std::stri
     const std::vector<Series> found = series_of(names);
     if (found.size() < 2)
         return {};
-    constexpr std::size_t most = 6;
-    std::string list;
-    for (std::size_t i = 0; i < std::min(found.size(), most); ++i)
-        list += fmt::format("{}{}{}", i ? ", " : "", found[i].pattern,
-                            found[i].names.size() > 1 ? fmt::format(" ({} files)", found[i].names.size()) : "");
-    if (found.size() > most)
-        list += fmt::format(" and {} more", found.size() - most);
     std::string advice = fmt::format("name one, for example {}{}{}", before, found[0].pattern, behind);
     if (endings.size() == 1)
         advice += fmt::format(", or all as one series with {}*{}{}", before, *endings.begin(), behind);
-    return fmt::format("{}: the names in the folder tell {} series: {}; {}", folder, found.size(), list, advice);
+    return fmt::format("{}: the names in the folder tell {} series: {}; {}", folder, found.size(), told(found), advice);
 }
 
-std::string missing_numbers(const std::vector<std::string> &paths) {
+namespace {
+
+/** The last number of each name that varies; empty where names differ in more than numbers, or none does. */
+std::vector<std::int64_t> counted(const std::vector<std::string> &paths) {
     Group group;
     std::set<std::string> skeletons;
     for (const std::string &path : paths) {
@@ -270,11 +281,53 @@ std::string missing_numbers(const std::vector<std::string> &paths) {
     for (const auto &parts : group) {
         if (counter == 0 || parts[counter].size() > 18)
             return {};
-        const std::int64_t number = std::stoll(parts[counter]);
-        if (!numbers.empty() && number <= numbers.back())
-            return {};
-        numbers.push_back(number);
+        numbers.push_back(std::stoll(parts[counter]));
     }
+    return numbers;
+}
+
+} // namespace
+
+std::string counted_otherwise(const std::vector<std::string> &paths) {
+    const std::vector<std::int64_t> numbers = counted(paths);
+    std::vector<std::int64_t> sorted = numbers;
+    std::sort(sorted.begin(), sorted.end());
+    const auto all = [](const auto &begin, const auto &end) {
+        return std::adjacent_find(begin, end, std::greater_equal<>()) == end; // rise
+    };
+    // Dates, times and exposures do not count through.
+    if (numbers.size() < 3 || !all(sorted.begin(), sorted.end()) ||
+        std::size_t(sorted.back() - sorted.front()) + 1 != sorted.size() || all(numbers.begin(), numbers.end()) ||
+        all(numbers.rbegin(), numbers.rend()))
+        return {};
+    constexpr std::size_t most = 6;
+    std::string order;
+    for (std::size_t i = 0; i < std::min(most, numbers.size()); ++i)
+        order += fmt::format("{}{}", i ? ", " : "", numbers[i]);
+    return fmt::format("the last number of their names counts from {} to {}, but they are taken in the order {}{}: "
+                       "rename them so that this number comes first",
+                       sorted.front(), sorted.back(), order, numbers.size() > most ? " ..." : "");
+}
+
+std::string several_series(const std::vector<std::string> &paths) {
+    std::vector<std::string> names;
+    for (const std::string &path : paths)
+        names.push_back(fs::path(path).filename().string());
+    const std::vector<Series> found = series_of(names);
+    if (found.size() < 2)
+        return {};
+    return fmt::format("the names of the {} files tell {} series ({}); all are taken as frames of one, in the order "
+                       "given. If they are none, name those of one series",
+                       paths.size(), found.size(), told(found));
+}
+
+std::string missing_numbers(const std::vector<std::string> &paths) {
+    const std::vector<std::int64_t> numbers = counted(paths);
+    for (std::size_t i = 1; i < numbers.size(); ++i)
+        if (numbers[i] <= numbers[i - 1])
+            return {};
+    if (numbers.empty())
+        return {};
     const std::size_t missing = std::size_t(numbers.back() - numbers.front()) + 1 - numbers.size();
     if (missing == 0 || missing > numbers.size())
         return {};

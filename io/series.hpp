@@ -58,6 +58,15 @@ std::string why_no_series(const std::string &folder, const std::vector<std::stri
  */
 std::string missing_numbers(const std::vector<std::string> &paths);
 
+/**
+ * That the names of a series count through by their last number, and stand in another order, in words: a shell sorts 10
+ * before 2, and another number that varies goes first. Empty where they stand as they count, or backwards.
+ */
+std::string counted_otherwise(const std::vector<std::string> &paths);
+
+/** That files that are named one by one are several series by their names, in words; empty: they are one. */
+std::string several_series(const std::vector<std::string> &paths);
+
 } // namespace image_io
 
 #endif // CLSPECKLE_IO_SERIES_HPP

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -195,6 +196,25 @@ Transfer transfer_of_cicp(unsigned characteristics, bool full_range, const std::
         return unknown_transfer(
             said_by, fmt::format("the transfer characteristics {}, which are not known here", characteristics));
     }
+}
+
+Transfer transfer_of_color_space(const std::string &name, const std::string &said_by) {
+    std::string word;
+    for (const char c : name)
+        if (std::isalnum(static_cast<unsigned char>(c)))
+            word += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    const auto has = [&](const char *part) { return word.find(part) != std::string::npos; };
+    if (has("lin"))
+        return {};
+    if (has("srgb"))
+        return srgb(said_by);
+    if (word.size() > 3 && word[0] == 'g' && std::isdigit(static_cast<unsigned char>(word[1])) &&
+        std::isdigit(static_cast<unsigned char>(word[2])))
+        return power((word[1] - '0') + 0.1 * (word[2] - '0'), said_by);
+    for (const char *encoded : {"acescc", "log", "pq", "hlg", "rec709", "rec1886", "display", "gamma"})
+        if (has(encoded))
+            return unknown_transfer(said_by, fmt::format("the color space \"{}\", which is not known here", name));
+    return {};
 }
 
 bool Transfer::is_like(const Transfer &other) const {

@@ -35,6 +35,9 @@ Transfer power(double exponent, const std::string &said_by);
 Transfer unknown_transfer(const std::string &said_by, const std::string &because);
 /** Of a table of light at evenly spaced numbers from 0 to 1: linear and sRGB are known by it. */
 Transfer transfer_of_table(std::vector<float> entries, const std::string &said_by);
+/** Of a color space by its name, as renderers and OpenColorIO call it: sRGB, or a power ("g22_rec709"). Others are
+ * linear, or unknown where the name says that they are logarithms or made for a screen. */
+Transfer transfer_of_color_space(const std::string &name, const std::string &said_by);
 /** Of an ICC profile, by its tone curves; one without any is known by its name only. */
 Transfer transfer_of_icc(const unsigned char *data, std::size_t size_bytes);
 /** Of the transfer characteristics of ITU-T H.273, as PNG's chunk cICP has them. @param full_range else black and white

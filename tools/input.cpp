@@ -447,7 +447,7 @@ constexpr const char *scene_channels[] = {"Z", "P.X",    "P.Y",        "P.Z",   
                                           "A", "albedo", "visibility", "refresh", "material", "motion.X", "motion.Y"};
 
 /** What a file with named channels is as an input. */
-enum class Holds { image, scene, picture_with_depth };
+enum class Holds { image, scene, picture_with_depth, picture_with_depth_layer };
 
 Holds held(const std::string &name) {
     const auto [path, channel] = image_io::split_name(name);
@@ -455,8 +455,12 @@ Holds held(const std::string &name) {
     const auto any = [&](std::initializer_list<const char *> channels) {
         return std::any_of(channels.begin(), channels.end(), [&](const char *one) { return file->has(one); });
     };
-    if (!file || !any({"Z", "P.X", "P.Y", "P.Z"}))
+    if (!file)
         return Holds::image;
+    if (!any({"Z", "P.X", "P.Y", "P.Z"}))
+        return image_io::has_picture(file->channels()) && image_io::has_depth(file->channels())
+                   ? Holds::picture_with_depth_layer
+                   : Holds::image;
     // Renderers add a depth to their pictures; what else a scene has no picture has.
     const bool scene = any({"P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "albedo", "visibility", "refresh", "material",
                             "motion.X", "motion.Y"});
@@ -1027,13 +1031,15 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
     for (const std::string &input : paths.inputs)
         for (std::string &file : expand(input, Purpose::ideal_images))
             files.push_back(std::move(file));
+    // A shell makes a list of names of FOLDER/*.
+    image_io::leave_previews_out(files);
     if (paths.raw.empty() && std::filesystem::path(files.front()).extension() == ".json") {
         if (files.size() > 1)
             throw InputError(
                 fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
         Sequence sequence = load_sequence(files.front(), config);
         files = sequence.files;
-        if (held(files.front()) == Holds::image)
+        if (const Holds holds = held(files.front()); holds == Holds::image || holds == Holds::picture_with_depth_layer)
             throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(),
                                          image_io::listed("or", &image_io::Format::has_named_channels)));
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths, config);
@@ -1048,7 +1054,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
     if (paths.any_plane())
         throw InputError(
             fmt::format("{}: is an ideal image; --normal, --albedo and --visibility belong to a scene", files.front()));
-    return std::make_unique<IdealInput>(files, paths, config, holds == Holds::picture_with_depth);
+    return std::make_unique<IdealInput>(files, paths, config, holds != Holds::image);
 }
 
 } // namespace
@@ -1056,6 +1062,13 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
 std::unique_ptr<Input> open_input(const InputPaths &paths, Config &config) {
     std::vector<std::string> files;
     std::unique_ptr<Input> input = open_kind(paths, files, config);
+    const auto of_series = [&](const std::string &oddity) {
+        if (!oddity.empty())
+            input->oddities.push_back(fmt::format("{}: {}", paths.inputs.front(), oddity));
+    };
+    of_series(image_io::counted_otherwise(files));
+    if (paths.inputs.size() > 1)
+        of_series(image_io::several_series(files));
     if (const std::string missing = image_io::missing_numbers(files); paths.inputs.size() == 1 && !missing.empty())
         input->oddities.push_back(fmt::format("{}: {}; the frames before and after are taken as neighbours in time",
                                               std::filesystem::path(files.front()).parent_path().string(), missing));

@@ -107,6 +107,19 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
                          "dropped frames",
                          repeats.count, s.frame_count, repeats.again, repeats.first));
     }
+    if (!scan.torn.empty()) {
+        std::vector<std::size_t> torn;
+        for (const TornRows &rows : scan.torn)
+            if (torn.empty() || torn.back() != rows.frame)
+                torn.push_back(rows.frame);
+        const TornRows &first = scan.torn.front();
+        warn("torn_frames",
+             fmt::format(
+                 "{} of {} frames are torn: in frame {} rows {} to {} are those of the frame before, bit for bit, "
+                 "and the others are not. The grabber hands out a frame before it is whole",
+                 torn.size(), s.frame_count, first.frame, first.first_row, first.last_row),
+             torn);
+    }
     if (summary.saturated_fraction > 0.2 && summary.minimum != summary.maximum)
         warn("saturated",
              fmt::format("{:.0f} % of the pixels are at the top code, {}: the sequence is saturated and says little "

@@ -211,6 +211,8 @@ std::vector<FileOddity> SequenceFiles::oddities() const {
         all.push_back(part.path);
     if (const std::string missing = image_io::missing_numbers(all); !missing.empty())
         result.push_back({missing + "; the frames before and after are taken as neighbours in time", {name_}});
+    if (const std::string order = image_io::counted_otherwise(all); !order.empty())
+        result.push_back({order, {name_}});
     std::map<std::string, FileOddity> oddities; // by what is said of them
     for (const Part &part : parts_)
         for (const std::string &warning : part.info.warnings) {

@@ -94,6 +94,64 @@ void add_change(const Row &row, std::uint16_t top, FrameScan &frame) {
     frame.before_times_now += products;
 }
 
+// Rows that come twice. Of a row that does not, how many of its pixels do.
+class RowRepeats {
+  public:
+    RowRepeats(std::uint32_t rows, std::size_t width) : equal_(rows), twice_(rows), width_(width) {}
+
+    void add(std::uint32_t frame, std::uint32_t row, const Row &codes) {
+        if (std::equal(codes.now, codes.now + width_, codes.before)) {
+            ++twice_[row];
+            std::size_t steps = 0;
+            for (std::size_t x = 1; x < width_; ++x)
+                steps += codes.now[x] != codes.now[x - 1];
+            // What is black or clipped is the same in all frames.
+            if (4 * steps < width_)
+                return;
+            if (runs_.empty() || runs_.back().frame != frame || runs_.back().last_row + 1 != row) {
+                if (runs_.size() == kMost && !is_torn(runs_.back()))
+                    runs_.pop_back();
+                if (runs_.size() == kMost)
+                    return;
+                runs_.push_back({frame, row, row});
+            }
+            runs_.back().last_row = row;
+            return;
+        }
+        std::size_t equal = 0;
+        for (std::size_t x = 0; x < width_; ++x)
+            equal += codes.now[x] == codes.before[x];
+        equal_[row] += equal;
+    }
+
+    // Of rows of a camera, whose noise makes most pixels differ from frame to frame. first_row: of the band.
+    void append_torn(std::uint32_t frames, std::uint32_t first_row, std::uint32_t height,
+                     std::vector<TornRows> &torn) const {
+        for (const TornRows &run : runs_) {
+            double same = 0.0, all = 0.0, twice = 0.0;
+            for (std::uint32_t row = run.first_row; row <= run.last_row; ++row) {
+                same += double(equal_[row]);
+                all += double(width_) * (double(frames) - 1.0 - double(twice_[row]));
+                twice += double(twice_[row]);
+            }
+            const double rows = double(run.last_row) - double(run.first_row) + 1.0;
+            const bool rare = 3.0 * twice <= rows * (double(frames) - 1.0) && 2.0 * same < all;
+            if (rare && is_torn(run) && rows < double(height) && torn.size() < kMost)
+                torn.push_back({run.frame, run.first_row + first_row, run.last_row + first_row});
+        }
+    }
+
+  private:
+    static constexpr std::size_t kMost = 64;
+    static constexpr std::uint32_t kLeastRows = 8;
+    static bool is_torn(const TornRows &run) { return run.last_row - run.first_row + 1 >= kLeastRows; }
+
+    std::vector<std::uint64_t> equal_;
+    std::vector<std::uint32_t> twice_;
+    std::vector<TornRows> runs_;
+    std::size_t width_;
+};
+
 // The deviation in time of pixels with less noise than nine of ten have. squares: sums of squared deviations.
 double noise_of_quiet_pixels(std::vector<float> &squares, std::uint32_t frames) {
     if (squares.empty())
@@ -127,6 +185,7 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
         std::vector<std::uint32_t> sums(pixels); // of 65535 frames at most
         std::vector<std::uint64_t> squares(pixels);
         PixelEnds ends(rests ? pixels : 0);
+        RowRepeats repeats(rows, layout.width);
         const std::uint16_t *before = nullptr;
         for (std::uint32_t t = 0; t < frames; ++t) {
             const std::uint16_t *now = rows_of(capture, sequence, t, first, rows, rooms[t % 2]);
@@ -139,6 +198,8 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
                 add_histogram(row, histogram);
                 if (rests)
                     ends.add(t, at, row.now, row.width);
+                if (before)
+                    repeats.add(t, static_cast<std::uint32_t>(at / layout.width), row);
                 if (before && !of.moving)
                     add_change(row, top, frame);
             }
@@ -148,6 +209,7 @@ SequenceScan scan_pixels(const Capture &capture, std::size_t sequence, const std
             if (progress)
                 progress((double(first) * frames + double(rows) * (t + 1.0)) / (double(layout.height) * frames));
         }
+        repeats.append_torn(frames, first, layout.height, scan.torn);
         if (of.scene == CaptureScene::kDots)
             scan.sums.insert(scan.sums.end(), sums.begin(), sums.end());
         for (std::size_t i = 0; i < pixels; ++i)

@@ -27,6 +27,11 @@ struct FrameScan {
     std::uint64_t hash = kFnvBasis; // of all its codes
 };
 
+// Rows of a frame that are those of the frame before, bit for bit, though its other rows are not.
+struct TornRows {
+    std::uint32_t frame = 0, first_row = 0, last_row = 0;
+};
+
 struct SequenceScan {
     std::vector<FrameScan> frames;
     std::uint64_t pixels = 0; // that are not masked, of one frame
@@ -41,6 +46,7 @@ struct SequenceScan {
     std::vector<PictureShift> shifts;              // by frame, of laser light at rest
     NoiseCorrelations correlations;                // of dark frames and even light
     FrameNoises noise;                             // of scenes at rest
+    std::vector<TornRows> torn;                    // the first of them, where rows otherwise differ
     std::vector<std::uint32_t> sums;               // of dots: by pixel, masked or not, over all frames
 };
 

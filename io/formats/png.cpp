@@ -188,6 +188,9 @@ class PngReader final : public Reader {
             warn_of_aspect(static_cast<double>(density.ppu_y) / density.ppu_x);
         if (has("tRNS"))
             info_.warnings.push_back("the opacity that its chunk tRNS tells is ignored");
+        if (has("pCAL"))
+            info_.warnings.push_back("the physical values that its chunk pCAL gives its numbers are ignored; they are "
+                                     "taken as stored");
         if (has("cICP")) {
             info_.transfer = cicp_ ? *cicp_ : unknown_transfer("its chunk cICP", unreadable);
         } else if (spng_get_iccp(context, &profile) == SPNG_OK) {

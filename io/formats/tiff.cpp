@@ -65,6 +65,36 @@ bool is_lossy(std::uint16_t compression) {
     return compression == COMPRESSION_JPEG || compression == COMPRESSION_OJPEG || compression == COMPRESSION_WEBP;
 }
 
+/** What a page calls itself, without its numbers: words of letters, which a number may follow. Empty where the text is
+ * made for programs. */
+std::string name_words(const char *text) {
+    constexpr std::size_t most = 80;
+    const std::string all = text ? std::string(text, strnlen(text, most + 1)) : "";
+    if (all.size() > most || all.find_first_of("{}<>=\n") != std::string::npos)
+        return "";
+    std::string words;
+    for (std::size_t at = 0; at < all.size();) {
+        const auto letter = [&](std::size_t i) {
+            return i < all.size() && std::isalpha(static_cast<unsigned char>(all[i])) != 0;
+        };
+        const auto digit = [&](std::size_t i) {
+            return i < all.size() && std::isdigit(static_cast<unsigned char>(all[i])) != 0;
+        };
+        std::size_t end = at, behind = at;
+        while (letter(end))
+            ++end;
+        for (behind = end; digit(behind);)
+            ++behind;
+        // Letters behind a digit are part of a number, as in 1a2f.
+        if (end > at && !letter(behind))
+            words += (words.empty() ? "" : " ") + all.substr(at, end - at);
+        while (letter(behind) || digit(behind))
+            ++behind;
+        at = std::max(behind, at + 1);
+    }
+    return words;
+}
+
 constexpr std::uint64_t most_padding_bytes = std::uint64_t{64} << 20;
 
 /** What one page holds. */
@@ -112,12 +142,14 @@ struct Page {
     std::uint16_t channels = 1;
     std::uint16_t sample_format = SAMPLEFORMAT_UINT;
     std::string words;    ///< That change what its numbers mean; of the first frame they are told, or applied, for all.
+    std::string called;   ///< Its name or description without numbers; empty: it has none.
     bool is_frame = true; ///< Neither another one at a lower resolution nor a mask.
     std::vector<std::uint64_t> children;
 
     bool like(const Page &other) const {
         return width == other.width && height == other.height && bits == other.bits && channels == other.channels &&
-               sample_format == other.sample_format && words == other.words;
+               sample_format == other.sample_format && words == other.words &&
+               (called.empty() || other.called.empty() || called == other.called);
     }
 };
 
@@ -171,6 +203,10 @@ class TiffReader final : public Reader {
             info_.transfer = unknown_transfer("its ICC profile", "content that cannot be read (it is damaged or cut)");
         else if (stored_tag(TIFFTAG_TRANSFERFUNCTION))
             info_.transfer = told_transfer(layout);
+        else if (stored_tag(TIFFTAG_GRAYRESPONSECURVE))
+            info_.transfer = unknown_transfer("its tag GrayResponseCurve", "a table of optical densities");
+        warn_of_xmp(xmp());
+        warn_of_missing();
         find_calibration(layout);
         if (!messages_.first_error.empty())
             broken("is damaged");
@@ -228,6 +264,11 @@ class TiffReader final : public Reader {
         const std::uint16_t *tables[3] = {};
         if (TIFFGetField(tiff_.get(), TIFFTAG_TRANSFERFUNCTION, &tables[0], &tables[1], &tables[2]))
             page.words += ", a table of light";
+        if (const std::string packet = xmp(); detail::orientation_of_xmp(packet) > 1)
+            page.words += fmt::format(", orientation {} by XMP", detail::orientation_of_xmp(packet));
+        for (const std::uint32_t tag : {TIFFTAG_PAGENAME, TIFFTAG_IMAGEDESCRIPTION})
+            if (const char *text = nullptr; page.called.empty() && TIFFGetField(tiff_.get(), tag, &text))
+                page.called = name_words(text);
         std::uint32_t kind = 0;
         std::uint16_t old_kind = 0;
         if (TIFFGetField(tiff_.get(), TIFFTAG_SUBFILETYPE, &kind))
@@ -293,9 +334,9 @@ class TiffReader final : public Reader {
         std::string text;
         for (std::size_t i = 0; i < std::min(most, pages_.size()); ++i) {
             const Page &page = pages_[i];
-            text +=
-                fmt::format("{}page {}{} {} x {}, {} x {} bits{}", i ? "; " : "", i, page.is_frame ? "" : " (reduced)",
-                            page.width, page.height, page.channels, page.bits, page.words);
+            text += fmt::format("{}page {}{} {} x {}, {} x {} bits{}{}", i ? "; " : "", i,
+                                page.is_frame ? "" : " (reduced)", page.width, page.height, page.channels, page.bits,
+                                page.words, page.called.empty() ? "" : fmt::format(", called \"{}\"", page.called));
         }
         return pages_.size() > most ? fmt::format("{}; and {} more", text, pages_.size() - most) : text;
     }
@@ -347,7 +388,8 @@ class TiffReader final : public Reader {
             calibrate(layout, told, function == "0" && !offset.empty() && !factor.empty(), "ImageJ",
                       said_by_imagej("vunit"));
         }
-        if (const std::string gdal = gdal_metadata(); !gdal.empty()) {
+        constexpr std::uint32_t metadata = 42112;
+        if (const std::string gdal = gdal_text(metadata); !gdal.empty()) {
             Calibration told;
             const bool any = gdal_item(gdal, "scale", told.factor) | gdal_item(gdal, "offset", told.offset);
             if (any)
@@ -377,9 +419,26 @@ class TiffReader final : public Reader {
                         by, told.offset, told.factor, unit.empty() ? "" : fmt::format(", in {}", unit.substr(0, 40))));
     }
 
-    /** GDAL's text, a list of items; empty: it has none. libtiff knows the tag by its number only. */
-    std::string gdal_metadata() const {
-        constexpr std::uint32_t tag = 42112;
+    /** XMP; empty: it has none. */
+    std::string xmp() const {
+        std::uint32_t size = 0;
+        const char *packet = nullptr;
+        return TIFFGetField(tiff_.get(), TIFFTAG_XMLPACKET, &size, &packet) && packet ? std::string(packet, size) : "";
+    }
+
+    /** A number that stands for none. 0 is no light and no surface anyhow, and NaN is told where it matters. */
+    void warn_of_missing() {
+        constexpr std::uint32_t tag = 42113;
+        const std::string missing = gdal_text(tag);
+        if (const double number = std::strtod(missing.c_str(), nullptr); number != 0 && std::isfinite(number))
+            info_.warnings.push_back(fmt::format("it says that pixels of {0:.9g} have no value (tag GDAL_NODATA); they "
+                                                 "are taken as numbers. If there are some, save "
+                                                 "numpy.where(image == {0:.9g}, 0, image)",
+                                                 number));
+    }
+
+    /** GDAL's text of a tag; empty: it has none. libtiff knows such tags by their numbers only. */
+    std::string gdal_text(std::uint32_t tag) const {
         const TIFFField *known = TIFFFindField(tiff_.get(), tag, TIFF_ANY);
         if (!known || TIFFFieldDataType(known) != TIFF_ASCII || !TIFFFieldPassCount(known))
             return "";

@@ -291,3 +291,71 @@ def test_exif_data_that_cannot_be_read_are_told(tmp_path: Path) -> None:
     for data, told in ((good.tobytes(), 0), (b"Exif\0\0" + b"garbage" * 9, 1)):
         Image.fromarray(values).save(tmp_path / "a.jpg", exif=data)
         assert len([w for w in Dump(tmp_path / "a.jpg").warnings if w.startswith("its EXIF data cannot be read")]) == told
+
+
+def tagged(path: Path, values: np.ndarray, *tags: tuple) -> Dump:
+    tifffile.imwrite(path, values, metadata=None, photometric="minisblack", extratags=[(*tag, True) for tag in tags])
+    return Dump(path)
+
+
+def test_densities_of_gray_are_no_light(tmp_path: Path) -> None:
+    """GrayResponseCurve, a tag of TIFF 6.0, has an optical density for each number."""
+    values = noise((13, 6))
+    given = tagged(tmp_path / "a.tif", values, (290, "H", 1, 3), (291, "H", 256, tuple(range(255, -1, -1))))
+    given.check(values, 255)
+    assert given.transfer == "a table of optical densities"
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_numbers_that_stand_for_none_are_told(tmp_path: Path, dtype: type) -> None:
+    values = noise((13, 6)).astype(dtype)
+    values[2, 3:6] = 9999
+    given = tagged(tmp_path / "a.tif", values, (42113, "s", 0, "9999"))
+    [warning] = given.warnings
+    assert "pixels of 9999 have no value (tag GDAL_NODATA)" in warning
+    advice = re.search(r"save (numpy\.where\(image == 9999, 0, image\))", warning)
+    assert advice
+    image = eval(advice[1], {"numpy": np, "image": values})
+    assert (image[2, 3:6] == 0).all() and (image[0] == values[0]).all()
+    for harmless in ("0", "nan"):
+        assert tagged(tmp_path / "a.tif", values, (42113, "s", 0, harmless)).warnings == []
+
+
+def test_xmp_in_a_tiff_file_is_read(tmp_path: Path) -> None:
+    packet = b'<x:xmpmeta><rdf:Description tiff:Orientation="6"/></x:xmpmeta>'
+    given = tagged(tmp_path / "a.tif", noise((13, 6)), (700, "B", len(packet), packet))
+    assert [w for w in given.warnings if "turned clockwise to be seen (orientation 6)" in w]
+    assert tagged(tmp_path / "a.tif", noise((13, 6)), (700, "B", 3, b"<x>")).warnings == []
+
+
+def test_physical_values_of_png_are_told(tmp_path: Path) -> None:
+    calibration = chunk(b"pCAL", b"metres\0" + struct.pack(">iiBB", 0, 255, 0, 2) + b"m\x000\x001")
+    (tmp_path / "a.png").write_bytes(saved(Image.fromarray(noise((13, 6))), "PNG"))
+    data = (tmp_path / "a.png").read_bytes()
+    at = data.index(b"IDAT") - 4
+    (tmp_path / "a.png").write_bytes(data[:at] + calibration + data[at:])
+    given = Dump(tmp_path / "a.png")
+    given.check(noise((13, 6)), 255)
+    assert given.warnings == ["the physical values that its chunk pCAL gives its numbers are ignored; they are taken as stored"]
+
+
+def named_pages(path: Path, tag: int, names: list[str]) -> Dump:
+    with tifffile.TiffWriter(path) as file:
+        for i, name in enumerate(names):
+            file.write(noise((13, 6)) // (i + 1), metadata=None, description=None, photometric="minisblack",
+                       extratags=[(tag, "s", 0, name, True)])  # fmt: skip
+    return Dump(path)
+
+
+@pytest.mark.parametrize("tag", [285, 270])
+def test_pages_of_several_names_are_no_series(tmp_path: Path, tag: int) -> None:
+    for names in (["beauty", "depth", "albedo"], ["left 1", "right 1", "left 2", "right 2"]):
+        error = named_pages(tmp_path / "a.tif", tag, names).error
+        assert "holds images that are no series: page 0 13 x 6, 1 x 8 bits, called" in error, names
+        assert f'"{names[1].split()[0]}"' in error and f"{tmp_path / 'a.tif'}:page=0" in error
+    for names in (
+        ["frame 1", "frame 2"], ["Frame0001.tif", "Frame0002.tif"], ["1a2f", "b33c9"], ["12.5 ms", "25 ms"], ["", "other"],
+        ['{"camera": "left"}', '{"camera": "right"}'], ["gain=1\nfocus=near", "gain=1\nfocus=far"],
+    ):  # fmt: skip
+        given = named_pages(tmp_path / "a.tif", tag, names)
+        assert not given.error and given.frames == len(names), names

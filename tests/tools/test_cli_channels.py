@@ -300,6 +300,18 @@ def test_a_picture_with_depth_is_an_image_or_a_scene(ok, refused, scene: Path) -
     assert "two channels are named" in refused("render", "beauty.exr:G", "--channel", "R", "-o", "out")
 
 
+def test_a_depth_in_a_layer_beside_a_picture_is_told(ok, scene: Path) -> None:
+    """As Blender names them."""
+    pictures = {f"ViewLayer.Combined.{name}": plane for name, plane in colors().items()}
+    images.exr(scene / "blender.exr", {**pictures, "ViewLayer.Depth.Z": depth()})
+    said = ok("render", "blender.exr", "-o", "image", "--save-ideal", "--no-preview").err
+    assert "holds a picture and a depth" in said and "name it with --depth blender.exr to make a scene of it" in said
+    expected = rendered(ok, scene, "--depth", "z.npy", *CAMERA)
+    np.testing.assert_array_equal(rendered(ok, scene, "--depth", "blender.exr", *CAMERA), expected)
+    images.exr(scene / "mist.exr", {**pictures, "ViewLayer.Mist.Z": depth()})
+    assert "depth" not in ok("render", "mist.exr", "-o", "mist", "--no-preview").err
+
+
 def test_channel_is_of_an_ideal_image(refused, ok, scene: Path, expected: np.ndarray) -> None:
     images.exr(scene / "all.exr", BLENDER)
     message = refused("render", *options(depth="all.exr"), "--channel", "ViewLayer.Depth.Z", *ARGUMENTS)

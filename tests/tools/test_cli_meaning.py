@@ -574,3 +574,24 @@ def test_a_plane_whose_white_is_zero_of_fewer_bits(ok, scene: Path) -> None:
         for file in (f"b.tif:{advice[2]}", "values.npy")
     ]
     assert np.abs(frames[0].astype(int) - frames[1]).max() <= 1
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_words_with_swapped_bytes_are_told_in_every_format(ok, tmp_path: Path, name: str) -> None:
+    """Codes of 10 bits whose bytes were swapped before they were saved. The advice takes that back."""
+    codes = np.random.default_rng(3).integers(100, 900, (24, 32)).astype(np.uint16)
+
+    def save(values: np.ndarray) -> None:
+        iio.imwrite(tmp_path / name, values)
+
+    save(codes.byteswap())
+    _, said = light(ok, tmp_path, name)
+    assert f"{name}: its words look as if their bytes were swapped" in said and "none needs more than 10 bits" in said
+    assert "If so, save array.byteswap()" in said
+    save(iio.imread(tmp_path / name).byteswap())
+    image, said = light(ok, tmp_path, name, "--full-scale", 1023)
+    assert "swapped" not in said
+    np.testing.assert_allclose(image, codes / 1023, rtol=1e-6)
+    for harmless in (codes * 64, np.arange(24 * 32).reshape(24, 32) * 80, (codes // 4) * 256):
+        save(harmless.astype(np.uint16))
+        assert "swapped" not in light(ok, tmp_path, name)[1]

@@ -83,6 +83,32 @@ def test_a_gap_in_the_numbers_is_told(ok, tmp_path: Path) -> None:
     assert "missing" not in ok("render", "one/f2.png", "one/f4.png", "-o", "two", "--read-noise-dn", 0).err
 
 
+def test_names_given_one_by_one_are_looked_at(ok, tmp_path: Path) -> None:
+    """As a shell makes them of a pattern without quotes: previews are no frames, several series are told."""
+    filled(tmp_path / "many", ["left_0.png", "right_0.png", "left_1.png", "preview_000000.png"])
+    names = [f"many/{name}" for name in ("left_0.png", "left_1.png", "preview_000000.png", "right_0.png")]
+    told = ok("render", *names, "-o", "out", "--read-noise-dn", 0).err
+    assert "the names of the 3 files tell 2 series (left_*.png (2 files), right_0.png)" in told, told
+    assert len(list((tmp_path / "out").glob("frame_*"))) == 3
+    assert "series" not in ok("render", *names[:2], "-o", "two", "--read-noise-dn", 0).err
+
+
+def test_names_in_another_order_than_they_count_are_told(ok, tmp_path: Path) -> None:
+    exposures = ["frame_exp5_0.png", "frame_exp10_1.png", "frame_exp5_2.png", "frame_exp10_3.png"]
+    filled(tmp_path / "one", exposures)
+    words = "the last number of their names counts from 0 to 3, but they are taken in the order 0, 2, 1, 3"
+    assert words in ok("render", "one", "-o", "out", "--read-noise-dn", 0).err
+    capture_set(tmp_path / "one", "*.png")
+    assert words in ok("capture", "check", "one").err
+    # The advice: the number that counts comes first.
+    filled(tmp_path / "two", [f"frame_{i}_exp{5 + 5 * (i % 2)}.png" for i in range(4)])
+    assert "order" not in ok("render", "two", "-o", "out2", "--read-noise-dn", 0).err
+    # A shell sorts 10 before 2.
+    filled(tmp_path / "many", [f"f{i}.png" for i in range(9, 12)])
+    assert "taken in the order 10, 11, 9" in ok("render", "many/f10.png", "many/f11.png", "many/f9.png", "-o", "out3").err
+    assert "order" not in ok("render", "many", "-o", "out4").err
+
+
 def capture_set(folder: Path, file: str, bits: int = 8) -> None:
     camera = {"width": SIZE[1], "height": SIZE[0], "bits": bits, "pixel_pitch_um": 3, "f_number": 4,
               "black_level_dn": 10, "read_noise_dn": 1}  # fmt: skip

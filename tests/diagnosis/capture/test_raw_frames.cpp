@@ -98,7 +98,7 @@ struct Set {
         std::vector<CaptureWarning> result;
         for (const CaptureWarning &warning : summarize_capture(capture).warnings)
             if (warning.kind == "transient_pixels" || warning.kind == "picture_moves" || warning.kind == "denoised" ||
-                warning.kind == "bands")
+                warning.kind == "bands" || warning.kind == "torn_frames")
                 result.push_back(warning);
         return result;
     }
@@ -312,6 +312,40 @@ TEST(RawFrames, BandsAreNoDenoising) {
         ASSERT_EQ(1u, warnings.size()) << rows << ", " << draw << ": " << (warnings.empty() ? "" : warnings[0].text);
         EXPECT_EQ("bands", std::string(warnings[0].kind)) << warnings[0].text;
         EXPECT_NE(warnings[0].text.find("(in flat)"), std::string::npos) << warnings[0].text;
+    }
+}
+
+// The upper or lower part of a frame is that of the frame before, of fresh speckle, of a resting board and in the dark:
+// each of 60 is told, with its frame and rows.
+TEST(RawFrames, TornFramesAreToldWithTheirRows) {
+    std::mt19937_64 random(397);
+    for (int draw = 0; draw < 60; ++draw) {
+        const std::uint32_t frames = frames_of(draw), at = 1 + static_cast<std::uint32_t>(random() % (frames - 1));
+        const std::uint32_t rows = 10 + static_cast<std::uint32_t>(random() % 20);
+        const bool upper = draw % 2 == 0, moving = draw % 3 == 0;
+        const CaptureScene scene = draw % 3 == 2 ? CaptureScene::kDark : CaptureScene::kBoard;
+        const Image still = Speckle(random).image();
+        Codes codes;
+        for (std::uint32_t t = 0; t < frames; ++t) {
+            Image light = scene == CaptureScene::kDark ? even(0.0) : moving ? Speckle(random).image() : still;
+            for (double &value : light)
+                value *= 130.0;
+            record(codes, noisy(light, random));
+            const std::size_t first = upper ? 0 : kHeight - rows, here = std::size_t{t} * kPixels + first * kWidth;
+            if (t == at)
+                std::copy_n(codes.begin() + std::ptrdiff_t(here - kPixels), rows * kWidth,
+                            codes.begin() + std::ptrdiff_t(here));
+        }
+        Set set;
+        add_sequence(set.capture.layout, "it", scene, moving, frames);
+        set.capture.codes.push_back(codes);
+        const std::vector<CaptureWarning> warnings = set.told();
+        ASSERT_EQ(1u, warnings.size()) << draw;
+        EXPECT_EQ("torn_frames", std::string(warnings[0].kind));
+        EXPECT_EQ(std::vector<std::size_t>{at}, warnings[0].frames) << warnings[0].text;
+        const std::string place = "in frame " + std::to_string(at) + " rows " + std::to_string(upper ? 0 : kHeight - rows) +
+                                  " to " + std::to_string(upper ? rows - 1 : kHeight - 1) + " ";
+        EXPECT_NE(warnings[0].text.find(place), std::string::npos) << warnings[0].text;
     }
 }
 
