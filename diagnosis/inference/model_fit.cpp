@@ -72,34 +72,25 @@ double ModelFit::held_out(const FittedModel &fitted, const Response *response, d
     const Differences d = differences(fitted);
     const Eigen::VectorXd halves[2] = {covariance.whiten(d.first), covariance.whiten(d.second)};
     const Eigen::VectorXd both = 0.5 * (halves[0] + halves[1]);
-    if (!response) {
-        double sum = 0.0;
-        for (int h = 0; h < 2; ++h)
-            sum += (halves[1 - h] - jacobian * solve_least_squares(jacobian, halves[h])).squaredNorm();
-        return sum;
-    }
-    double best[3] = {1e300, 1e300, 1e300}, at[3] = {0.5, 0.5, 0.5};
-    for (double u = response->weakest(); u <= strongest_; u += kStrengths.grid_step) {
-        const Eigen::VectorXd change = covariance.whiten(response->at(u));
-        for (int h = 0; h < 3; ++h) {
-            const double square = residual_square(jacobian, (h < 2 ? halves[h] : both) - change);
-            if (square < best[h]) {
-                best[h] = square;
-                at[h] = u;
+    Eigen::VectorXd change = Eigen::VectorXd::Zero(both.size());
+    if (response) {
+        // One strength for both halves: they scatter as the effect makes them, of which this covariance, without it,
+        // knows nothing, and each for itself would follow that.
+        double least = 1e300, best = 0.0;
+        for (double u = response->weakest(); u <= strongest_; u += kStrengths.grid_step) {
+            const double square = residual_square(jacobian, both - covariance.whiten(response->at(u)));
+            if (square < least) {
+                least = square;
+                best = u;
             }
         }
+        if (strength)
+            *strength = best;
+        change = covariance.whiten(response->at(best));
     }
-    if (strength)
-        *strength = at[2];
     double sum = 0.0;
-    for (int h = 0; h < 2; ++h) {
-        const Eigen::VectorXd change = covariance.whiten(response->at(at[h]));
-        const Eigen::VectorXd beta = solve_least_squares(jacobian, halves[h] - change);
-        Eigen::VectorXd rest = halves[1 - h] - change;
-        if (beta.size())
-            rest -= jacobian * beta;
-        sum += rest.squaredNorm();
-    }
+    for (int h = 0; h < 2; ++h)
+        sum += (halves[1 - h] - change - jacobian * solve_least_squares(jacobian, halves[h] - change)).squaredNorm();
     return sum;
 }
 

@@ -128,7 +128,7 @@ class ModelFit {
     std::vector<bool> concerned(const std::string &id) const;
     Differences differences(const FittedModel &fitted) const;
     // Squared distance of each half after the fit to the other half, summed. response: of one effect more, its strength
-    // fitted, too.
+    // fitted to both.
     double held_out(const FittedModel &fitted, const Response *response = nullptr, double *strength = nullptr) const;
     // The squared distance of the whole capture that a fit leaves, by a covariance that need not be its own: those of
     // two models differ by chance, too.

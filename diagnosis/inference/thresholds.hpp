@@ -132,7 +132,7 @@ struct Thresholds {
         // tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
         double final_margin = 20.0;
         // part of the best gain | or so near | tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
-        double final_margin_share = 0.03;
+        double final_margin_share = 0.15;
         // part of what is left | where the best explains less, the others are compared however far behind |
         // tests/diagnosis/inference/test_parameters.cpp OfPowerThatFlickers
         double doubtful = 0.25;

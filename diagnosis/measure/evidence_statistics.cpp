@@ -1,5 +1,7 @@
 #include "measure/evidence_statistics.hpp"
 
+#include "statistics/spectrum_sums.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -11,24 +13,8 @@ namespace {
 constexpr std::size_t kLargestTransform = 512; // px a side; the spectrum of a larger image is that of its middle
 constexpr double kRingWidth = 0.5;             // px
 
-// The largest even size with no prime factor above 5.
-std::size_t transform_size(std::size_t size) {
-    for (std::size_t candidate = std::min(size, kLargestTransform); candidate > 1; --candidate) {
-        std::size_t rest = candidate;
-        for (const std::size_t factor : {2, 3, 5})
-            while (rest % factor == 0)
-                rest /= factor;
-        if (rest == 1 && candidate % 2 == 0)
-            return candidate;
-    }
-    return 1;
-}
-
-std::vector<float> hann(std::size_t size) {
-    std::vector<float> result(size, 1.0f);
-    for (std::size_t i = 0; size > 2 && i < size; ++i)
-        result[i] = float(0.5 - 0.5 * std::cos(2.0 * M_PI * (double(i) + 0.5) / double(size)));
-    return result;
+std::size_t side_of(std::size_t size) {
+    return statistics::transform_size(std::min(size, kLargestTransform));
 }
 
 } // namespace
@@ -133,13 +119,13 @@ Histogram histogram(const Frames &frames, const HistogramRange &range) {
 }
 
 std::size_t band_count(const CaptureLayout &layout) {
-    return std::clamp<std::size_t>(std::min(transform_size(layout.width), transform_size(layout.height)) / 2, 4, 48);
+    return std::clamp<std::size_t>(std::min(side_of(layout.width), side_of(layout.height)) / 2, 4, 48);
 }
 
 std::vector<double> radial_power(const Frames &frames, const Plane &mean, Fluctuation fluctuation, std::size_t bands) {
-    const std::size_t width = transform_size(frames.width()), height = transform_size(frames.height());
+    const std::size_t width = side_of(frames.width()), height = side_of(frames.height());
     const std::size_t left = (frames.width() - width) / 2, top = (frames.height() - height) / 2;
-    const std::vector<float> across = hann(width), down = hann(height);
+    const std::vector<float> across = statistics::hann(width), down = statistics::hann(height);
     double window = 0.0;
     for (const float a : across)
         for (const float b : down)

@@ -1,5 +1,5 @@
 // What stays from frame to frame in the dark and under even light, once the smooth field is out.
-#include "statistics/speckle_sums.hpp"
+#include "statistics/spectrum_sums.hpp"
 #include "statistics/statistic_groups.hpp"
 
 #include <algorithm>

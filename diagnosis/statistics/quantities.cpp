@@ -4,7 +4,7 @@
 #include "statistics/dot_shape.hpp"
 #include "statistics/make_frames.hpp"
 #include "statistics/sequence_level.hpp"
-#include "statistics/speckle_sums.hpp"
+#include "statistics/spectrum_sums.hpp"
 #include "statistics/statistic_groups.hpp"
 
 #include <algorithm>

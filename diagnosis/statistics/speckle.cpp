@@ -1,6 +1,7 @@
 // Speckle on a board: the law of its intensity, its correlation and spectrum, its contrast over the field.
 #include "statistics/histogram_share.hpp"
 #include "statistics/speckle_sums.hpp"
+#include "statistics/spectrum_sums.hpp"
 #include "statistics/statistic_groups.hpp"
 
 #include <algorithm>

@@ -37,23 +37,4 @@ const std::array<std::vector<Lag>, kRings.size()> &ring_lags();
 SpeckleFrameSums sum_speckle_image(const Geometry &geometry, const float *image);
 SpeckleSums combine_speckle(const Geometry &geometry, const std::vector<SpeckleFrameSums> &parts);
 
-// Power of the images by spatial frequency, under a Hann window. Mean densities over the total power's.
-constexpr std::size_t kBands = 6; // of |f| up to the optical cutoff
-struct SpectrumSums {
-    std::array<double, kBands> band{};
-    double outside = 0.0;   // |f| beyond the cutoff; 0 if there are too few such frequencies
-    double direction = 1.0; // power with |fx| > |fy| over power with |fx| < |fy|
-    double peaks = 1.0;     // mean of (P / mean P of the ring)^2 / 2: 1 for noise, more with lines
-};
-// The wave that stands out most from its surroundings in a spectrum; frequency_x is 0 at least but for the error where
-// it is 0.
-struct SpectralLine {
-    double amplitude = 0.0, frequency_x = 0.0, frequency_y = 0.0; // cycles per pixel
-    bool stands_out = false; // beyond what chance makes of noise
-};
-bool has_outside(const Geometry &geometry);
-// line: gets that of the first image, if not nullptr.
-SpectrumSums sum_spectrum(const Geometry &geometry, double cutoff, const std::vector<const float *> &images,
-                          unsigned threads, SpectralLine *line = nullptr);
-
 } // namespace clsp::statistics

@@ -1,6 +1,4 @@
-// The power spectrum of images under a Hann window: a real frame is not periodic, and its edges would leak into all
-// frequencies.
-#include "statistics/speckle_sums.hpp"
+#include "statistics/spectrum_sums.hpp"
 
 #include "statistics/parallel_for.hpp"
 #include "statistics/sink.hpp"
@@ -15,13 +13,6 @@ namespace clsp::statistics {
 
 namespace {
 
-std::vector<float> hann(std::size_t count) {
-    std::vector<float> window(count);
-    for (std::size_t i = 0; i < count; ++i)
-        window[i] = float(0.5 - 0.5 * std::cos(2.0 * M_PI * (double(i) + 0.5) / double(count)));
-    return window;
-}
-
 // Rings of |f| up to the corner of the frequency plane, narrow enough for the spectrum to be flat in each.
 constexpr std::size_t kPeakRings = 48;
 constexpr double kCorner = 0.7072;
@@ -32,9 +23,18 @@ struct PowerSums {
     double along_x = 0.0, along_y = 0.0;
 };
 
+// The part of an image whose spectrum it is.
+struct Box {
+    explicit Box(const Geometry &geometry)
+        : width(transform_size(geometry.width)), height(transform_size(geometry.height)),
+          first((geometry.height - height) / 2 * geometry.width + (geometry.width - width) / 2),
+          stride(geometry.width) {}
+    std::size_t width, height, first, stride;
+};
+
 // |F|^2 of fx = kx / width from 0 on: of (kx, ky) at kx * height + ky.
-std::vector<double> power_spectrum(const Geometry &geometry, const float *image) {
-    const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
+std::vector<double> power_spectrum(const Box &box, const float *image) {
+    const std::size_t width = box.width, height = box.height, half = width / 2 + 1;
     const std::vector<float> window_x = hann(width), window_y = hann(height);
     Eigen::FFT<float> transform;
     transform.SetFlag(Eigen::FFT<float>::HalfSpectrum);
@@ -42,7 +42,7 @@ std::vector<double> power_spectrum(const Geometry &geometry, const float *image)
     std::vector<std::complex<float>> line, column(height), spectrum(half * height);
     for (std::size_t y = 0; y < height; ++y) {
         for (std::size_t x = 0; x < width; ++x)
-            row[x] = image[y * width + x] * window_x[x] * window_y[y];
+            row[x] = image[box.first + y * box.stride + x] * window_x[x] * window_y[y];
         transform.fwd(line, row);
         for (std::size_t x = 0; x < half; ++x)
             spectrum[x * height + y] = line[x];
@@ -67,8 +67,8 @@ std::size_t ring_of(double frequency) {
     return std::min(std::size_t(frequency / kCorner * double(kPeakRings)), kPeakRings - 1);
 }
 
-PowerSums sum_power(const Geometry &geometry, double cutoff, const std::vector<double> &powers) {
-    const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
+PowerSums sum_power(const Box &box, double cutoff, const std::vector<double> &powers) {
+    const std::size_t width = box.width, height = box.height, half = width / 2 + 1;
     PowerSums sums;
     for (std::size_t kx = 0; kx < half; ++kx) {
         const double multiplicity = kx == 0 || 2 * kx == width ? 1.0 : 2.0, fx = double(kx) / double(width);
@@ -96,8 +96,8 @@ PowerSums sum_power(const Geometry &geometry, double cutoff, const std::vector<d
 
 // Offsets of rows and of columns have all their power where fx or fy is 0: each of the two is a surrounding of its own,
 // a ring another.
-SpectralLine strongest_line(const Geometry &geometry, const std::vector<double> &powers) {
-    const std::size_t width = geometry.width, height = geometry.height, half = width / 2 + 1;
+SpectralLine strongest_line(const Box &box, const std::vector<double> &powers) {
+    const std::size_t width = box.width, height = box.height, half = width / 2 + 1;
     constexpr std::size_t kRowOffsets = kPeakRings, kColumnOffsets = kPeakRings + 1;
     constexpr double kNothing = 1e-12;
     const auto surrounding = [&](std::size_t kx, std::size_t ky) {
@@ -169,6 +169,25 @@ SpectralLine strongest_line(const Geometry &geometry, const std::vector<double> 
 
 } // namespace
 
+std::size_t transform_size(std::size_t size) {
+    for (std::size_t candidate = size / 2 * 2; candidate > 1; candidate -= 2) {
+        std::size_t rest = candidate;
+        for (const std::size_t factor : {2, 3, 5})
+            while (rest % factor == 0)
+                rest /= factor;
+        if (rest == 1)
+            return candidate;
+    }
+    return 1;
+}
+
+std::vector<float> hann(std::size_t size) {
+    std::vector<float> window(size, 1.0f);
+    for (std::size_t i = 0; size > 2 && i < size; ++i)
+        window[i] = float(0.5 - 0.5 * std::cos(2.0 * M_PI * (double(i) + 0.5) / double(size)));
+    return window;
+}
+
 // Beyond 0.68 cycles per pixel lie only the corners of the frequency plane.
 bool has_outside(const Geometry &geometry) {
     return geometry.cutoff > 0.0 && geometry.cutoff < 0.68;
@@ -176,12 +195,13 @@ bool has_outside(const Geometry &geometry) {
 
 SpectrumSums sum_spectrum(const Geometry &geometry, double cutoff, const std::vector<const float *> &images,
                           unsigned threads, SpectralLine *line) {
+    const Box box(geometry);
     std::vector<PowerSums> parts(images.size());
     parallel_for(images.size(), threads, [&](std::size_t t) {
-        const std::vector<double> powers = power_spectrum(geometry, images[t]);
-        parts[t] = sum_power(geometry, cutoff, powers);
+        const std::vector<double> powers = power_spectrum(box, images[t]);
+        parts[t] = sum_power(box, cutoff, powers);
         if (line && t == 0)
-            *line = strongest_line(geometry, powers);
+            *line = strongest_line(box, powers);
     });
     PowerSums total;
     for (const PowerSums &part : parts) {
