@@ -1,8 +1,9 @@
-"""Prints, for each page, how many sentences it has, their mean length in words, and the longest one.
+"""Prints, for each page, how many sentences it has, their mean length in words, the longest one, and its widest line.
 
     scripts/plain_english.py [FILE ...] [--longest N]     # without files: all pages of the project
 
 Words of code blocks, tables, headings and links' addresses do not count. An item of a list is a sentence of its own.
+A row of a table cannot be broken, so its columns do not count; nor do those of a line that one long word fills.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 END = re.compile(r"[.!?](?=\s|$)")
+WIDE_WORD = 80
 ITEM = re.compile(r"^\s*(?:[-*+]|\d+\.)\s+")
 
 
@@ -21,6 +23,7 @@ ITEM = re.compile(r"^\s*(?:[-*+]|\d+\.)\s+")
 class Measure:
     path: Path
     sentences: list[str]
+    widest: str
 
     @property
     def lengths(self) -> list[int]:
@@ -33,6 +36,12 @@ class Measure:
     @property
     def longest(self) -> int:
         return max(self.lengths, default=0)
+
+
+def widest(text: str) -> str:
+    lines = [line for line in text.splitlines() if not line.lstrip().startswith("|")]
+    lines = [line for line in lines if max(map(len, line.split()), default=0) < WIDE_WORD]
+    return max(lines, key=len, default="")
 
 
 def paragraphs(text: str) -> list[str]:
@@ -66,9 +75,10 @@ def plain(text: str) -> str:
 
 def measure(path: Path) -> Measure:
     sentences = []
-    for paragraph in paragraphs(path.read_text()):
+    text = path.read_text()
+    for paragraph in paragraphs(text):
         sentences += [part.strip() for part in END.split(plain(paragraph)) if len(part.split()) > 1]
-    return Measure(path, sentences)
+    return Measure(path, sentences, widest(text))
 
 
 def pages() -> list[Path]:
@@ -80,11 +90,11 @@ def main() -> None:
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
     parser.add_argument("--longest", type=int, default=0, metavar="N", help="also print sentences of more than N words")
     arguments = parser.parse_args()
-    print(" mean  longest  sentences  page")
+    print(" mean  longest  sentences  columns  page")
     for path in arguments.files or pages():
         found = measure(path.resolve())
         name = path.resolve().relative_to(ROOT) if path.resolve().is_relative_to(ROOT) else path
-        print(f"{found.mean:5.1f}  {found.longest:7}  {len(found.sentences):9}  {name}")
+        print(f"{found.mean:5.1f}  {found.longest:7}  {len(found.sentences):9}  {len(found.widest):7}  {name}")
         if arguments.longest:
             for sentence in found.sentences:
                 if len(sentence.split()) > arguments.longest:

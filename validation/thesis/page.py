@@ -18,7 +18,8 @@ HEAD = """# The thesis, figure by figure
 *Real-time statistical simulation of dynamic laser speckle* is what this library goes back to. Its experiments and figures are repeated here with the
 library, each with a verdict: a number that was measured beside the one that theory says, and a tolerance that is stated. The page is written by
 
-    PYTHONPATH=validation python -m thesis run --out OUT && PYTHONPATH=validation python -m thesis page --out OUT --page docs/results/thesis.md
+    PYTHONPATH=validation python -m thesis run --out OUT
+    PYTHONPATH=validation python -m thesis page --out OUT --page docs/results/thesis.md
 
 """
 
