@@ -261,12 +261,30 @@ def fixed_pattern(s: Sequence) -> Values:
     return values
 
 
+def transform_size(size: int) -> int:
+    """The largest even size with no prime factor above 5."""
+    return max(
+        2 * 2**a * 3**b * 5**c
+        for a in range(13)
+        for b in range(9)
+        for c in range(6)
+        if 2 * 2**a * 3**b * 5**c <= size
+    )
+
+
+def middle_power(images: Array) -> Array:
+    """|F|^2 under a Hann window, of the middle of images whose sides are transform_size of theirs."""
+    height, width = (transform_size(n) for n in images.shape[-2:])
+    y, x = ((whole - part) // 2 for whole, part in zip(images.shape[-2:], (height, width), strict=True))
+    windows = [0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n) for n in (height, width)]
+    return np.abs(np.fft.fft2(images[..., y : y + height, x : x + width] * np.outer(*windows))) ** 2
+
+
 def strongest_wave(pattern: Array) -> float:
     """Amplitude of the wave that stands out most from its ring of |f|, or from the
     frequencies of whole rows or columns, under a Hann window; between grid points by the window's own transform."""
-    height, width = pattern.shape
-    windows = [0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n) for n in (height, width)]
-    power = np.abs(np.fft.fft2(pattern * np.outer(*windows))) ** 2
+    power = middle_power(pattern)
+    height, width = power.shape
     row, column = (np.rint(np.fft.fftfreq(n) * n).astype(int) for n in (height, width))
     ky, kx = np.meshgrid(row, column, indexing="ij")
     ring = np.minimum(np.floor(np.hypot(ky / height, kx / width) / 0.7072 * 48), 47)
@@ -393,10 +411,10 @@ def spectrum(s: Sequence, images: Array) -> Values:
     """Shares of the power in bands of |f| / cutoff, of at most four frames, under a Hann window."""
     count = min(len(images), 4)
     chosen = images[[k * len(images) // count for k in range(count)]]
-    windows = [0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n) for n in (s.height, s.width)]
-    power = np.abs(np.fft.fft2(chosen * np.outer(*windows))) ** 2
-    fy, fx = np.abs(np.fft.fftfreq(s.height))[:, None], np.abs(np.fft.fftfreq(s.width))[None]
-    usable = (fx * s.width > 1.5) | (fy * s.height > 1.5)
+    power = middle_power(chosen)
+    height, width = power.shape[1:]
+    fy, fx = np.abs(np.fft.fftfreq(height))[:, None], np.abs(np.fft.fftfreq(width))[None]
+    usable = (fx * width > 1.5) | (fy * height > 1.5)
     band = np.minimum(np.floor(np.hypot(fx, fy) / s.cutoff * 6), 6)
     whole = power[:, usable].mean()
     values: Values = {}
