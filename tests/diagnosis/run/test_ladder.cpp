@@ -4,6 +4,7 @@
 #include "run/diagnose.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <gtest/gtest.h>
 #include <string>
 #include <vector>
@@ -134,6 +135,34 @@ TEST(Ladder, WhatExplainedRungsToldIsHeld) {
     ASSERT_FALSE(unexplained.model.strengths.empty());
     for (const Strength &strength : unexplained.model.strengths)
         EXPECT_FALSE(strength.held);
+}
+
+// Light leaks into the corner of a camera that was covered for its dark frames: in no catalogue. An effect that is named
+// takes a part of the gap away, on frames that its fit has not seen.
+TEST(Ladder, WhatIsNamedTakesSomethingAway) {
+    Capture capture = simulated({}, kCaptureSeed + 37);
+    const std::size_t width = capture.layout.width, pixels = capture.layout.pixel_count();
+    for (std::size_t i = 0; i < capture.codes[0].size(); ++i) {
+        const double x = static_cast<double>(i % width), y = static_cast<double>(i % pixels / width);
+        const double away = std::hypot(x - 63.0, y - 47.0);
+        const double leaked = 24.0 * std::exp(-away / 14.0);
+        capture.codes[0][i] = static_cast<std::uint16_t>(std::lround(capture.codes[0][i] + leaked));
+    }
+    const DiagnosisResult result = diagnosed(capture);
+    EXPECT_EQ(result.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(result.residual_detected);
+    double before = result.distance_before;
+    for (const ShrinkStep &step : result.steps) {
+        const bool named = std::count(result.effects.begin(), result.effects.end(), step.effect) > 0;
+        EXPECT_TRUE(!named || step.distance_after < before)
+            << step.effect << ": " << before << " to " << step.distance_after;
+        before = step.distance_after;
+    }
+    EXPECT_GT(result.steps.size(), result.effects.size()) << "and some are not named";
+    for (const std::string &effect : result.effects)
+        EXPECT_TRUE(std::any_of(result.steps.begin(), result.steps.end(),
+                                [&](const ShrinkStep &step) { return step.effect == effect; }))
+            << effect << " has a step";
 }
 
 TEST(Ladder, NoGapNoRungs) {
