@@ -1,8 +1,9 @@
-"""Each tutorial, followed to the letter, ends in its picture."""
+"""Each tutorial, followed to the letter, ends in its picture, within ten minutes."""
 
 from __future__ import annotations
 
 import struct
+import subprocess
 
 import followed
 import pytest
@@ -38,3 +39,10 @@ def test_a_command_that_fails_is_an_error(checkout: followed.Checkout) -> None:
     page.write_text("```sh\nbuild/bin/clspeckle render no-such-file.png -o out\n```\n")
     with pytest.raises(AssertionError, match=r"no-such-file\.png"):
         checkout.follow(page)
+
+
+def test_a_page_that_takes_too_long_is_an_error(checkout: followed.Checkout) -> None:
+    page = checkout.folder / "page.md"
+    page.write_text("```sh\nsleep 0.6\n```\n\n```sh\nsleep 0.6\n```\n")
+    with pytest.raises(subprocess.TimeoutExpired):
+        checkout.follow(page, within_s=1.0)
