@@ -22,7 +22,11 @@ extensions = ["myst_parser", "breathe", "sphinx.ext.autodoc", "sphinx.ext.napole
 exclude_patterns = ["figures", "requirements.txt"]
 html_theme = "furo"
 html_title = "clSpeckle"
+# The site needs no network: what draws its equations is a part of it.
+html_static_path = [str(Path(__import__("sphinx-mathjax-offline").__file__).parent / "static")]
+mathjax_path = "mathjax/tex-chtml.js"
 myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_fence_as_directive = ["math"]  # as forges have equations, too
 myst_heading_anchors = 4
 breathe_projects = {"clspeckle": os.environ.get("CLSPECKLE_DOXYGEN_XML", str(ROOT / "build" / "doxygen" / "xml"))}
 breathe_default_project = "clspeckle"

@@ -33,6 +33,15 @@ def test_it_has_all_pages_and_a_search(site: Path) -> None:
     assert (site / "searchindex.js").stat().st_size > 100_000
 
 
+def test_equations_need_no_network(site: Path) -> None:
+    assert (site / "_static" / "mathjax" / "tex-chtml.js").is_file()
+    for page in (ROOT / "docs" / "method").glob("*.md"):
+        built = (site / "method" / page.with_suffix(".html").name).read_text()
+        assert built.count('<div class="math notranslate') == page.read_text().count("```math\n")
+        assert "_static/mathjax/tex-chtml.js" in built
+        assert "cdn." not in built
+
+
 def test_no_link_is_left_as_text(site: Path) -> None:
     pages = [p for p in site.rglob("*.html") if "doxygen" not in p.parts and "_static" not in p.parts]
     code = re.compile(r"<(pre|code)\b.*?</\1>|<script.*?</script>", re.DOTALL)
