@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
@@ -41,9 +42,12 @@ python_use_unqualified_type_names = True
 c_id_attributes = ["CLSP_API"]
 
 
+def output_of(*words: str) -> str:
+    return subprocess.run([BUILD / "bin" / "clspeckle", *words], check=True, capture_output=True, text=True).stdout
+
+
 def help_of(*words: str) -> str:
-    done = subprocess.run([BUILD / "bin" / "clspeckle", *words, "--help"], check=True, capture_output=True, text=True)
-    return done.stdout
+    return output_of(*words, "--help")
 
 
 def subcommands(text: str) -> list[str]:
@@ -69,6 +73,39 @@ class ProgramHelp(Directive):
 
         add(())
         return found
+
+
+class ConfigurationKeys(Directive):
+    """A table of the keys of render's JSON configuration: the option that says what each is, and its default."""
+
+    def run(self) -> list[nodes.Node]:
+        values = json.loads(output_of("render", "--dump-config"))
+        help_text = help_of("render")
+        found: list[nodes.Node] = []
+        for group, keys in values.items():
+            if group == "effects":  # the catalogue's
+                continue
+            part = re.split(r"\n\n\n?(?=\S)", help_text.split(f"\nConfiguration: {group}:\n")[1])[0]
+            options = re.findall(r"^  (--[a-z][\w-]*)", part, re.MULTILINE)
+            if len(options) != len(keys):
+                raise self.error(f"configuration {group}: {len(keys)} keys, {len(options)} options in render's help")
+            for (key, value), option in zip(keys.items(), options):
+                words = option[2:].replace("-", "_")
+                if not (words.endswith(key) or words == group):
+                    raise self.error(f"configuration {group}.{key}: its option in the help of render is {option}")
+                found.append(row(f"{group}.{key}", option, json.dumps(value)))
+        return [table_of(("key", "option of render, which has its meaning", "default"), found)]
+
+
+def row(key: str, *cells: str) -> nodes.row:
+    first = nodes.entry("", nodes.paragraph("", "", nodes.literal(key, key, ids=[nodes.make_id("key-" + key)])))
+    return nodes.row("", first, *(nodes.entry("", nodes.paragraph("", "", nodes.literal(c, c))) for c in cells))
+
+
+def table_of(heads: tuple[str, ...], rows: list[nodes.Node]) -> nodes.table:
+    head = nodes.thead("", nodes.row("", *(nodes.entry("", nodes.paragraph(text=words)) for words in heads)))
+    columns = [nodes.colspec(colwidth=1) for _ in heads]
+    return nodes.table("", nodes.tgroup("", *columns, head, nodes.tbody("", *rows), cols=len(heads)))
 
 
 def with_headers(app: Sphinx, docname: str, source: list[str]) -> None:
@@ -108,6 +145,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     for name in ("sphinx.sphinx.domains.c", "sphinx.domains.c"):
         logging.getLogger(name).addFilter(is_told)
     app.add_directive("program-help", ProgramHelp)
+    app.add_directive("configuration-keys", ConfigurationKeys)
     app.connect("source-read", with_headers)
     app.connect("source-read", leave_the_site)
     return {"parallel_read_safe": True}

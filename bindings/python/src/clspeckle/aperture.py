@@ -39,6 +39,7 @@ class ApertureInfo:
     grid_width: int
     """Size of the FFT; larger than oversampling * width where padding was needed."""
     grid_height: int
+    """Likewise along y."""
     pupil_samples: int
     """Grid frequencies with a transmission above 0."""
     relative_diameter: float

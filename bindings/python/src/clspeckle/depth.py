@@ -36,12 +36,15 @@ class DepthSummary:
     """A frame's result in numbers."""
 
     detected_count: int
+    """Detected dots."""
     fitted_count: int
     """Detected dots with a centre."""
     placed_count: int
     """Detected dots with a depth."""
     saturated_count: int
+    """Those with saturated pixels."""
     merged_count: int
+    """Those that are merged."""
     pattern_in_view_count: int
     """Dots of the pattern that the camera could see in the range of depth."""
     median_epipolar_error_px: float
@@ -49,7 +52,9 @@ class DepthSummary:
     expected_epipolar_error_px: float
     """The same as the centres' covariances say."""
     median_sigma_px: float
+    """Width of fitted dots, geometric mean of both axes; NaN without any."""
     median_centre_sd_px: float
+    """Of fitted dots, along an axis; NaN without any."""
     warnings: dict[str, str]
     """By name ("no_dots", "few_placed", "epipolar", "saturated", "merged"), in words."""
 
@@ -63,6 +68,7 @@ class DepthResult:
     pattern: npt.NDArray[Any]
     """Structured array of ``PATTERN_DTYPE``, one element per dot of the pattern."""
     summary: DepthSummary
+    """The same in numbers."""
 
     @property
     def placed(self) -> npt.NDArray[Any]:

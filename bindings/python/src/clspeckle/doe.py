@@ -71,13 +71,21 @@ class DoeDefects:
     """What manufacture does to a design; see ``doe.h``. What is None has the C library's default: no defect."""
 
     levels: int | None = None
+    """Levels that manufacture has, 2 to 65536; 0: no limit."""
     relative_depth_error: float | None = None
+    """e, -1 to 1: all depths are (1 + e) times as deep."""
     rounding_sigma_m: float | None = None
+    """Rounding of features, 0 to 64 pixels."""
     etch_noise_rms_m: float | None = None
+    """RMS error of a pixel's depth, 0 or more."""
     refractive_index: float | None = None
+    """At the design's wavelength, above 1 to 10."""
     dispersion_per_m: float | None = None
+    """Its slope over the wavelength."""
     seed: int | None = None
+    """Of the etch noise of a whole aperture."""
     feature_samples: int | None = None
+    """Samples of a pixel along each side while features are rounded, 1 to 16."""
 
 
 @dataclasses.dataclass(eq=False)
@@ -87,7 +95,9 @@ class DoeElement:
     phase: npt.ArrayLike
     """(height, width) radians at `wavelength_m`, row 0 first, y down."""
     pixel_pitch_m: float
+    """Side of a pixel of the design."""
     wavelength_m: float = 940e-9
+    """For which the phase is."""
     periodic: bool = True
     """The phase is a cell that repeats; False: it is the whole aperture."""
     levels: int = 0
@@ -248,23 +258,41 @@ class DoePatternInfo:
     source: str
     """"computed", "memory" or "disk"."""
     image_width: int
+    """Texels along u."""
     image_height: int
+    """Texels along v."""
     half_extent_x: float
+    """The image covers [-half_extent_x, half_extent_x] in u."""
     half_extent_y: float
+    """Likewise in v."""
     power_w: float
+    """Of the beam."""
     dots: float
+    """Share in the wanted dots."""
     zero_order: float
+    """Share that goes straight on, unless that is wanted."""
     ghosts: float
+    """Share in orders that are not wanted; of a whole aperture around the twins of wanted dots."""
     scatter: float
+    """Share of etch noise; of a whole aperture all the rest."""
     inside_image: float
+    """Share that the texels hold."""
     uniformity_rms: float
+    """RMS of the dots' power over the wanted power, relative to its mean, less 1."""
     divergence_x_rad: float
+    """Half-angle along x that holds 95.45 % of a spot's light."""
     divergence_y_rad: float
+    """Likewise along y."""
     m_squared: float
+    """Of the beam, as given."""
     order_spacing_x: float
+    """Between orders in u; 0 if the design does not repeat."""
     order_spacing_y: float
+    """Likewise in v."""
     dot_count: int
+    """Wanted dots."""
     device_memory_bytes: int
+    """Taken while it was computed."""
 
 
 class _Kept(list[Any]):

@@ -22,6 +22,7 @@ class EffectParameter:
     """One parameter of an effect."""
 
     name: str
+    """For example "waves"."""
     unit: str
     """For example "px" or "DN"; "1" for a plain number."""
     minimum: float
@@ -54,6 +55,7 @@ class Effect:
     kernel: str
     """File and function that carry it out."""
     parameters: tuple[EffectParameter, ...]
+    """In the order in which the C interface takes them."""
 
 
 @functools.lru_cache(maxsize=1)

@@ -30,12 +30,17 @@ class FieldGrid:
     """Size of the field grid of an image."""
 
     width: int
+    """Of the image in pixels."""
     height: int
+    """Of the image in pixels."""
     oversampling: int
+    """Field samples per pixel along each axis."""
     guard_px: int
+    """Pixels of padding at least."""
     grid_width: int
     """Smallest n >= oversampling * (width + guard_px) with no prime factor above 13."""
     grid_height: int
+    """Likewise along y."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -58,7 +58,9 @@ class Frame:
     """One frame of :meth:`Pipeline.frames`, where it differs from the others."""
 
     scene: Scene | None
+    """The ideal image, or a :class:`Geometry`; None with dots, or in the dark."""
     refresh: Refresh = None
+    """Where new phases are drawn, as for :meth:`Pipeline.render`."""
     frame_index: int | None = None
     """None: one more than that of the last frame."""
     motion: MotionInput | None = None

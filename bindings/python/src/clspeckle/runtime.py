@@ -52,9 +52,13 @@ class Version:
     """Release number and ABI number of the C library."""
 
     major: int
+    """Of the release."""
     minor: int
+    """Of the release."""
     patch: int
+    """Of the release."""
     abi: int
+    """Of the interface: the SOVERSION."""
 
     def __str__(self) -> str:
         return f"{self.major}.{self.minor}.{self.patch}"
@@ -87,17 +91,27 @@ class Device:
     selector: str
     """"platform:device", for ``Context(selector)``."""
     name: str
+    """CL_DEVICE_NAME."""
     vendor: str
+    """CL_DEVICE_VENDOR."""
     version: str
+    """CL_DEVICE_VERSION."""
     driver_version: str
+    """CL_DRIVER_VERSION."""
     platform_name: str
+    """CL_PLATFORM_NAME."""
     type: tuple[str, ...]
     """Some of "cpu", "gpu", "accelerator", "custom", "default"."""
     compute_units: int
+    """CL_DEVICE_MAX_COMPUTE_UNITS."""
     global_memory_bytes: int
+    """CL_DEVICE_GLOBAL_MEM_SIZE."""
     max_allocation_bytes: int
+    """CL_DEVICE_MAX_MEM_ALLOC_SIZE."""
     local_memory_bytes: int
+    """CL_DEVICE_LOCAL_MEM_SIZE."""
     max_work_group_size: int
+    """CL_DEVICE_MAX_WORK_GROUP_SIZE."""
     platform_id: int
     """cl_platform_id as an integer."""
     device_id: int
@@ -164,7 +178,9 @@ class ContextInfo:
     """What a context is and holds."""
 
     device_name: str
+    """CL_DEVICE_NAME."""
     platform_name: str
+    """CL_PLATFORM_NAME."""
     programs_built: int
     """Programs compiled from source since creation."""
     programs_from_cache: int
@@ -172,6 +188,7 @@ class ContextInfo:
     allocation_count: int
     """Device buffers that the library holds now; those of Buffer and DeviceImage are not counted."""
     allocated_bytes: int
+    """What they take."""
     opencl_context: int
     """cl_context as an integer (``pyopencl.Context.from_int_ptr``)."""
     opencl_device: int

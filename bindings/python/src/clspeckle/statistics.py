@@ -30,7 +30,9 @@ class Moments:
     """First-order statistics of the pixels that count."""
 
     count: int
+    """Pixels that count."""
     mean: float
+    """Of their values."""
     standard_deviation: float
     """Divided by count - 1; 0 for one pixel."""
     contrast: float
@@ -40,7 +42,9 @@ class Moments:
     excess_kurtosis: float
     """Fourth central moment over the fourth power, less 3; NaN likewise."""
     minimum: float
+    """Least value."""
     maximum: float
+    """Greatest value."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -38,6 +38,7 @@ class Draw:
     """What pair `index` is made of."""
 
     index: int
+    """Of the pair, from 0."""
     scene: int
     """Place in the recipe's scenes."""
     camera: int
@@ -59,6 +60,7 @@ class Pair:
     codes: npt.NDArray[Any]
     """(height, width) uint16: what the camera records."""
     draw: Draw
+    """What it is made of."""
 
 
 class _Words:
