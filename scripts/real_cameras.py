@@ -9,6 +9,7 @@ DATA holds one folder a set; those with a capture.json are diagnosed. PUBLISHED 
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import subprocess
 import sys
@@ -114,9 +115,10 @@ def main() -> int:
         print(f"{arguments.data} holds no folder with a capture.json; give the folder of the sets", file=sys.stderr)
         return 1
     text = (
-        "# Real cameras\n\nMade by `scripts/real_cameras.py DATA`: every capture set there is diagnosed with seed 0. "
-        "[EMVA 1288](../method/emva1288.md) numbers are of the\nframes alone; fitted effects are the diagnosis's "
-        "([diagnosis](../method/diagnosis.md)). `conditional`: a scene in which the effect shows has a residual.\n\n"
+        f"# Real cameras\n\nMade by `scripts/real_cameras.py DATA` on {datetime.date.today()}: every capture set there is "
+        "diagnosed with seed 0.\n[EMVA 1288](../method/emva1288.md) numbers are of the frames alone; fitted effects are "
+        "the diagnosis's\n([diagnosis](../method/diagnosis.md)). `conditional`: a scene in which the effect shows has a "
+        "residual.\n\n"
     )
     for folder in sets:
         print(f"{folder.name} ...", file=sys.stderr, flush=True)
