@@ -14,8 +14,7 @@ namespace {
 std::string with_deviation(const QuantityMean &value, double scatter) {
     if (!std::isfinite(value.mean))
         return "–";
-    const std::string mean = rounded(value.mean, std::isfinite(value.deviation) ? value.deviation : scatter);
-    return std::isfinite(value.deviation) ? fmt::format("{} ± {:.2g}", mean, value.deviation) : mean;
+    return std::isfinite(value.deviation) ? with_uncertainty(value.mean, value.deviation) : rounded(value.mean, scatter);
 }
 
 // Beyond twice what simulated captures scatter by, or scatter and difference are not known.
@@ -49,9 +48,9 @@ void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage
     page.plot(curve_figure(plot),
               fmt::format(
                   "Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
-                  "line, whose slope is the system gain: real {} ± {} DN per electron, by {} of {} points (those up to "
+                  "line, whose slope is the system gain: real {} DN per electron, by {} of {} points (those up to "
                   "70 % of the full signal).",
-                  figure(real.gain_dn_per_electron), figure(real.gain_error), real.fitted_points, real.points.size()));
+                  with_uncertainty(real.gain_dn_per_electron, real.gain_error), real.fitted_points, real.points.size()));
 }
 
 // Bias and scatter of each version.

@@ -205,7 +205,7 @@ void write_emva(const DiagnosisResult &result, HtmlPage &page) {
         for (const EmvaIllumination &one : emva.illumination) {
             rows.push_back({one.sequence});
             for (std::size_t k = 0; k < one.percent.size(); ++k)
-                rows.back().push_back(fmt::format("{:.3f} ± {:.3f}", one.percent[k], one.error_percent[k]));
+                rows.back().push_back(with_uncertainty(one.percent[k], one.error_percent[k]));
         }
         page.table({"sequence", "slope x", "slope y", "curvature x", "twist", "curvature y"}, rows, {1, 2, 3, 4, 5});
     }

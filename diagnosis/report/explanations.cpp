@@ -275,11 +275,11 @@ std::string explain_illumination(const LabLights &found) {
     std::string text;
     for (const LabLight &light : found.lights)
         if (!light.light.coefficients.empty())
-            text += fmt::format(" The {} is not even: {:.1f} ± {:.1f} % more light on the right, {:.1f} ± {:.1f} % below, "
-                                "{:.1f} ± {:.1f} % less in the corners than on the axis.",
-                                light.name, 100.0 * light.slope[0], 100.0 * light.slope_error[0], 100.0 * light.slope[1],
-                                100.0 * light.slope_error[1], 100.0 * light.corner_loss,
-                                100.0 * light.corner_loss_error);
+            text += fmt::format(" The {} is not even: {} % more light on the right, {} % below, {} % less in the corners than on "
+                                "the axis.",
+                                light.name, with_uncertainty(100.0 * light.slope[0], 100.0 * light.slope_error[0]),
+                                with_uncertainty(100.0 * light.slope[1], 100.0 * light.slope_error[1]),
+                                with_uncertainty(100.0 * light.corner_loss, 100.0 * light.corner_loss_error));
     for (const LampDrift &drift : found.drifts)
         text += fmt::format(" In {} the lamp varies by {:.2g} % from frame to frame.", drift.sequence,
                             100.0 * drift.deviation);

@@ -52,6 +52,10 @@ std::string rounded(double value, double uncertainty) {
                                     : fmt::format("{:.{}f}", nearest, std::max(decimals, 0));
 }
 
+std::string with_uncertainty(double value, double uncertainty) {
+    return fmt::format("{} ± {}", rounded(value, uncertainty), rounded(uncertainty, uncertainty));
+}
+
 std::string probability(double value) {
     if (!std::isfinite(value))
         return "–";

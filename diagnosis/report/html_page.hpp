@@ -18,6 +18,8 @@ std::string figure(double value);
 // As many digits as the uncertainty, a standard deviation, leaves: its second digit is the last one. Without one:
 // figure().
 std::string rounded(double value, double uncertainty);
+// "12.34 ± 0.56": both as rounded() has them, so that they end at the same digit.
+std::string with_uncertainty(double value, double uncertainty);
 // A probability: what is less than a thousandth is said to be so.
 std::string probability(double value);
 

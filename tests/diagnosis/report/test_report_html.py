@@ -205,3 +205,43 @@ def test_screens_and_paper(sources):
     named = set(re.findall(r"var\((--\w+)\)", style))
     assert named == set(re.findall(r"(--\w+):", style))
     assert "beforeprint" in sources["named"]
+
+
+UNCERTAIN = re.compile(r"(-?[\d.]+(?:e-?\d+)?) ± ([\d.]+(?:e-?\d+)?)")
+
+
+def decimals(number):
+    return len(number.partition(".")[2])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_digits_end_where_the_uncertainty_s_second_one_does(name, sources):
+    found = UNCERTAIN.findall(re.sub(r"<script.*?</script>|<style.*?</style>", "", sources[name], flags=re.S))
+    assert len(found) > {"bare": -1, "unlit": -1}.get(name, 10)
+    for value, uncertainty in found:
+        if float(uncertainty) == 0 or "e" in value + uncertainty:
+            continue
+        assert len(uncertainty.replace(".", "").lstrip("0")) == 2 or float(uncertainty) >= 100, uncertainty
+        assert float(value) == 0 or decimals(value) == decimals(uncertainty), f"{value} ± {uncertainty}"
+
+
+def test_rows_that_do_not_differ_are_folded(sources):
+    """Of the measurements: those within twice the scatter of the simulator without effects."""
+    source = sources["named"]
+    section = source[source.index('id="measurements"') : source.index("</section>", source.index('id="measurements"'))]
+    folded = "".join(re.findall(r"<details>.*?</details>", section, re.S))
+
+    def differ(rows):
+        found = []
+        for row in re.findall(r"<tr><td.*?</tr>", rows, re.S):
+            cells = [re.sub("<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row, re.S)]
+            for version in cells[5:6]:
+                pair = UNCERTAIN.fullmatch(version)
+                if pair and cells[4] != "–" and abs(float(cells[4]) - float(pair[1])) > 2.05 * float(pair[2]):
+                    found.append(cells)
+        return found
+
+    assert len(re.findall("<tr><td", folded)) > 10
+    assert differ(folded) == []
+    assert len(differ(section)) > 3
+    assert "which do not differ beyond chance" in source or "in which no statistic differs beyond chance" in source
