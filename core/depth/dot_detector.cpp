@@ -11,6 +11,8 @@
 namespace clsp {
 namespace {
 
+// A dot's window is private: PoCL keeps those of a whole work-group on a thread's stack, and chooses large groups.
+constexpr std::size_t kFitGroup = 32;
 constexpr std::size_t kState = 8, kResult = 20; // STATE and RESULT of depth/dot_detector.cl
 constexpr int kPasses = 12;                     // neighbours' light is taken off ever more exactly
 constexpr int kMaxIterations = 20;              // of one fit in one pass
@@ -203,7 +205,7 @@ void DotDetector::enqueue(CommandChain &chain, const ImageView &image) {
             .add(states_[1 - pass % 2].get())
             .add(results_.get())
             .add(cl_uint{pass == kPasses - 1 ? 1u : 0u});
-        chain.run("dot_detector", k.fit, p.max_dots);
+        chain.run("dot_detector", k.fit, p.max_dots, 1, 1, kFitGroup);
     }
     enqueued_ = true;
 }

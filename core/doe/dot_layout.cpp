@@ -162,17 +162,31 @@ Dots draw(const DotLayoutParameters &p, const Region &region, double distance, c
     return dots;
 }
 
+Dots place(const DotLayoutParameters &p, const Region &region, double &distance);
+
+// Nearly the largest distance at which all dots find a place, in four digits.
+double possible_distance(DotLayoutParameters p, const Region &region) {
+    p.min_distance = p.beam_diameter_m = 0.0;
+    double distance = 0.0;
+    place(p, region, distance);
+    for (;; distance *= kSlack) {
+        const double told = std::stod(fmt::format("{:.3e}", distance));
+        if (draw(p, region, told, [] {}).size() == p.count)
+            return told;
+    }
+}
+
 // Dots at the distance asked for, or nearly at the largest that gives so many.
 Dots place(const DotLayoutParameters &p, const Region &region, double &distance) {
     if (p.min_distance > 0.0) {
         distance = p.min_distance;
         Dots dots = draw(p, region, distance, [&] { report_progress(p.progress, "placing the dots", 0.0); });
         if (dots.size() < p.count)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("only {} of {} dots find a place at a min_distance of {:.4g}; about {:.4g} is "
-                                    "possible here, or 0 to have it chosen",
-                                    dots.size(), p.count, p.min_distance,
-                                    p.min_distance * std::sqrt(double(dots.size()) / double(p.count)) * kSlack));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("only {} of {} dots find a place at a min_distance of {:.4g}; take {:.4g}, which is "
+                            "possible here, or 0 to have it chosen",
+                            dots.size(), p.count, p.min_distance, possible_distance(p, region)));
         return dots;
     }
     const double least = p.beam_diameter_m > 0.0 ? 1.22 * p.wavelength_m / p.beam_diameter_m : 0.0;
@@ -198,8 +212,7 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
         dots = draw(p, region, distance = low, tell);
     if (dots.size() < p.count)
         throw Error(Status::kInvalidArgument,
-                    fmt::format("{} dots do not fit: {} found a place; take a larger field of view or cell", p.count,
-                                dots.size()));
+                    fmt::format("{} dots do not fit: {} found a place", p.count, dots.size()));
     return dots;
 }
 

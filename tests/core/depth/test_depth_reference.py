@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
+import sys
+
 import clspeckle
 import numpy as np
 import pytest
@@ -402,3 +406,22 @@ def test_python_class(context, camera):
         clspeckle.Depth(RIG.shape, DIRECTIONS, RIG.laser_from_camera, 450.0, context=context)
     with pytest.raises(clspeckle.errors.InvalidStateError, match="no frame"):
         make(context).result()
+
+
+WIDE_DOTS = """
+import numpy as np, clspeckle
+frame = 500 * clspeckle.Dots((64, 64), [[20.0, 20.0], [44.0, 40.0]], sigma_px=4.5).render()
+for max_dots in (2, 33, 4096, 100_000):
+    dots = clspeckle.Depth((64, 64), dot_sigma_px=5, max_dots=max_dots).measure(frame).dots
+    assert len(dots) == 2 and abs(dots["x_px"] - [20, 44]).max() < 0.01, dots["x_px"]
+"""
+
+
+def test_wide_dots_take_little_of_a_thread(tmp_path):
+    """A driver's threads have the stack that the process has: windows of 27 x 27 pixels fit one of a megabyte."""
+    limit = (1 << 20, resource.getrlimit(resource.RLIMIT_STACK)[1])
+    done = subprocess.run(
+        [sys.executable, "-c", WIDE_DOTS], cwd=tmp_path, capture_output=True, check=False, text=True, timeout=300,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, limit),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

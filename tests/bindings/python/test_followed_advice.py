@@ -1,0 +1,678 @@
+# mypy: disable-error-code="func-returns-value"
+"""Messages of the library that say what to do: each is provoked, and followed.
+
+tests/house/advice.txt names the fragments; tests/house/test_advice.py keeps it complete."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clspeckle
+from binding_common import SHAPE
+from clspeckle import _library
+from clspeckle._handle import create
+
+# What is said, what is done, what is done instead.
+Case = tuple[str, Callable[[], Any], Callable[[], Any]]
+ONES = np.ones(SHAPE, np.float32)
+
+
+def follow(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    with pytest.raises(Exception, match=re.escape(says)):
+        bad()
+    good()
+
+
+def named(cases: list[Case]) -> list[Any]:
+    return [pytest.param(*case, id=case[0][:50].replace(" ", "_")) for case in cases]
+
+
+# --- Elements and layouts of dots ---
+
+
+def element(size: int = 16, **given: Any) -> clspeckle.DoeElement:
+    phase = np.zeros((size, size), np.float32)
+    phase[:, ::2] = math.pi
+    return clspeckle.DoeElement(phase, **{"pixel_pitch_m": 0.5e-6, **given})
+
+
+def beam(width_m: float) -> clspeckle.Beam:
+    return clspeckle.Beam(kind="flat_circle", width_m=width_m)
+
+
+def pattern(made: clspeckle.DoeElement | None = None, **given: Any) -> Any:
+    image = {"image_shape": (64, 64), "beam": beam(100e-6)}
+    return clspeckle.DoePattern(made or element(), **{**image, **given})
+
+
+def design(orders: Any = ((1, 0), (0, 1)), weights: Any = None, **given: Any) -> Any:
+    return clspeckle.design_doe(orders, weights, **{"shape": (16, 16), "iterations": 2, **given})
+
+
+def layout(count: int = 100, **given: Any) -> Any:
+    return clspeckle.dot_layout(count, **{"shape": (192, 192), **given})
+
+
+def snapped(directions: Any, **given: Any) -> Any:
+    return clspeckle.snap_directions(directions, **{"shape": (64, 64), **given})
+
+
+STEPS = np.tile(np.array([0, 1, 2, 3], np.float32), (4, 1))
+WIDE = beam(2e-3)
+
+ELEMENTS: list[Case] = [
+    (
+        "give the levels that the design has, or 0 for a continuous one",
+        lambda: clspeckle.evaluate_doe(STEPS, [(1, 0), (-1, 0)], levels=2),
+        lambda: clspeckle.evaluate_doe(STEPS, [(1, 0), (-1, 0)], levels=0),
+    ),
+    (
+        "so it has no orders; use APERTURE or AUTO",
+        lambda: pattern(element(256, periodic=False), evaluation="orders"),
+        lambda: [pattern(element(256, periodic=False), evaluation=word) for word in ("aperture", "auto")],
+    ),
+    (
+        "check doe_width_m, doe_height_m and pixel_pitch_m",
+        lambda: pattern(doe_size_m=(1e-6, 1e-6)),
+        lambda: pattern(doe_size_m=(1e-3, 1e-3)),
+    ),
+    (
+        "correct design_levels, or set it to 0",
+        lambda: pattern(clspeckle.DoeElement(STEPS, 0.5e-6, levels=2)),
+        lambda: pattern(clspeckle.DoeElement(STEPS, 0.5e-6, levels=0)),
+    ),
+    (
+        "at most 8192 along a side are taken; lower feature_samples",
+        lambda: pattern(
+            element(1024), beam=beam(5e-3), defects=clspeckle.DoeDefects(rounding_sigma_m=1e-7, feature_samples=16)
+        ),
+        lambda: pattern(defects=clspeckle.DoeDefects(rounding_sigma_m=1e-7, feature_samples=2)),
+    ),
+    (
+        "the next one that has none is 18. Use that, or evaluation APERTURE",
+        lambda: pattern(element(17), evaluation="orders"),
+        lambda: [pattern(element(18), evaluation="orders"), pattern(element(17), evaluation="aperture")],
+    ),
+    (
+        "Use evaluation ORDERS, a smaller beam or fewer feature_samples",
+        lambda: pattern(beam=beam(20e-3), evaluation="aperture"),
+        lambda: [pattern(beam=WIDE, evaluation="orders"), pattern(evaluation="aperture")],
+    ),
+    (
+        "lower feature_samples or the image's size, or take a smaller design",
+        lambda: pattern(max_memory_bytes=20_000),
+        lambda: pattern(element(8), image_shape=(8, 8), max_memory_bytes=20_000, evaluation="orders"),
+    ),
+    ("leave out orders that are not wanted", lambda: design(weights=(1, 0)), lambda: design([(1, 0)])),
+    (
+        "take smaller pixels or a smaller field of view",
+        lambda: design([(9, 0)]),
+        lambda: design([(9, 0)], shape=(32, 32)),
+    ),
+    (
+        "add their weights, or take a larger cell",
+        lambda: design([(1, 0), (1, 0)]),
+        lambda: [design([(1, 0)], (2,)), design([(2, 0), (3, 0)], shape=(32, 32))],
+    ),
+    (
+        "widen the beam or take a smaller cell",
+        lambda: design(beam_diameter_m=5e-6),
+        lambda: [design(beam_diameter_m=50e-6), design(shape=(4, 4), beam_diameter_m=5e-6)],
+    ),
+    (
+        "widen the beam or the spacing",
+        lambda: design([(1, 0), (2, 0)], beam_diameter_m=7e-6),
+        lambda: [design([(1, 0), (2, 0)], beam_diameter_m=70e-6), design([(-4, 0), (4, 0)], beam_diameter_m=7e-6)],
+    ),
+    (
+        "give them the same weight, or take more levels",
+        lambda: design([(1, 0), (-1, 0)], (1, 2), levels=2),
+        lambda: [design([(1, 0), (-1, 0)], (1, 1), levels=2), design([(1, 0), (-1, 0)], (1, 2), levels=4)],
+    ),
+    (
+        "set levels to 2 or more, or search_sweeps to 0",
+        lambda: design(levels=0, search_sweeps=1),
+        lambda: [design(levels=4, search_sweeps=1), design(levels=0, search_sweeps=0)],
+    ),
+    (
+        "list the mirrored orders if you want them",
+        lambda: design(levels=4, mirror_orders=True),
+        lambda: design([(1, 0), (-1, 0), (0, 1), (0, -1)], levels=4),
+    ),
+    (
+        "they reach direction cosines of 0.5875; take smaller pixels",
+        lambda: snapped([(0.8, 0)], pixel_pitch_m=0.8e-6),
+        lambda: snapped([(0.8, 0)], pixel_pitch_m=0.4e-6),
+    ),
+    (
+        "take a cell of more pixels",
+        lambda: snapped([(0.1, 0), (0.101, 0)]),
+        lambda: snapped([(0.1, 0), (0.101, 0)], shape=(8192, 8192)),
+    ),
+    (
+        "take a narrower beam or a larger DOE",
+        lambda: pattern(beam=WIDE, doe_size_m=(1e-3, 1e-3)),
+        lambda: [pattern(doe_size_m=(1e-3, 1e-3)), pattern(beam=WIDE, doe_size_m=(4e-3, 4e-3))],
+    ),
+    (
+        "which evaluation APERTURE, a coherent transform, cannot show; use evaluation ORDERS",
+        lambda: pattern(beam=clspeckle.Beam(m_squared=2), evaluation="aperture"),
+        lambda: pattern(beam=clspeckle.Beam(m_squared=2), evaluation="orders"),
+    ),
+    (
+        "take a smaller cell, a smaller extent, or evaluation APERTURE",
+        lambda: pattern(element(512, pixel_pitch_m=500e-6), beam=beam(1.6), evaluation="orders", half_extent=1.0),
+        lambda: [
+            pattern(element(512, pixel_pitch_m=500e-6), beam=beam(1.6), evaluation="orders", half_extent=0.01),
+            pattern(evaluation="orders", half_extent=1.0),
+            pattern(evaluation="aperture", half_extent=1.0),
+        ],
+    ),
+    (
+        "take a wider beam, a smaller cell, or evaluation APERTURE",
+        lambda: pattern(element(256), evaluation="orders"),
+        lambda: [
+            pattern(element(256), evaluation="orders", beam=WIDE),
+            pattern(element(16), evaluation="orders"),
+            pattern(element(256), evaluation="aperture"),
+        ],
+    ),
+    (
+        "lie beyond 90 degrees; take smaller angles",
+        lambda: layout(half_angle_x_rad=0.9, half_angle_y_rad=0.9),
+        lambda: layout(half_angle_x_rad=0.5, half_angle_y_rad=0.5),
+    ),
+    (
+        "take smaller pixels or angles",
+        lambda: layout(pixel_pitch_m=2e-6),
+        lambda: [
+            layout(pixel_pitch_m=0.4e-6),
+            layout(20, pixel_pitch_m=2e-6, half_angle_x_rad=0.2, half_angle_y_rad=0.2),
+        ],
+    ),
+    (
+        "orders within the field of view; take a cell of more pixels",
+        lambda: layout(50_000),
+        lambda: layout(3000, shape=(512, 512)),
+    ),
+    (
+        "widen the beam or the distance",
+        lambda: layout(min_distance=0.005, beam_diameter_m=100e-6),
+        lambda: [
+            layout(min_distance=0.005, beam_diameter_m=1e-3),
+            layout(20, min_distance=0.02, beam_diameter_m=100e-6),
+        ],
+    ),
+    (
+        "widen the beam or the field of view",
+        lambda: layout(2000, shape=(512, 512), beam_diameter_m=30e-6),
+        lambda: layout(2000, shape=(512, 512), beam_diameter_m=3e-3),
+    ),
+    (
+        "take a smaller radius, some three times the dots' spacing",
+        lambda: layout(8000, lattice=False, neighborhood_radius=2.0),
+        lambda: layout(2000, lattice=False, neighborhood_radius=0.05),
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(ELEMENTS))
+def test_elements(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+@pytest.mark.parametrize("given", [{}, {"lattice": False}, {"point_symmetric": True}, {"half_angle_x_rad": 0.2}])
+def test_a_distance_that_is_possible(given: dict[str, Any]) -> None:
+    with pytest.raises(clspeckle.errors.InvalidArgumentError) as refused:
+        layout(400, min_distance=0.1, **given)
+    said = re.search(r"take ([\d.e-]+), which is possible here, or 0 to have it chosen", str(refused.value))
+    assert said
+    for distance in (float(said[1]), 0.0):
+        assert len(layout(400, min_distance=distance, **given).directions) == 400
+
+
+# --- The sensor ---
+
+
+def sensor(**given: Any) -> clspeckle.Sensor:
+    return clspeckle.Sensor(SHAPE, **given)
+
+
+SENSORS: list[Case] = [
+    (
+        "shot_noise needs to know what an electron is: set conversion_gain_dn_per_e",
+        lambda: sensor(shot_noise=True),
+        lambda: sensor(shot_noise=True, conversion_gain_dn_per_e=0.5),
+    ),
+    (
+        "dark_current_e_per_s needs to know what an electron is: set conversion_gain_dn_per_e",
+        lambda: sensor(dark_current_e_per_s=5, exposure_time_s=0.01),
+        lambda: sensor(dark_current_e_per_s=5, exposure_time_s=0.01, conversion_gain_dn_per_e=0.5),
+    ),
+    (
+        "fills the well of saturation_dn = 500; lower dark_current_e_per_s, temperature_c or exposure_time_s",
+        lambda: sensor(dark_current_e_per_s=1e4, exposure_time_s=1, conversion_gain_dn_per_e=1, saturation_dn=500),
+        lambda: [
+            sensor(dark_current_e_per_s=1e2, exposure_time_s=1, conversion_gain_dn_per_e=1, saturation_dn=500),
+            sensor(dark_current_e_per_s=1e4, exposure_time_s=0.01, conversion_gain_dn_per_e=1, saturation_dn=500),
+            sensor(
+                dark_current_e_per_s=1e4,
+                exposure_time_s=1,
+                conversion_gain_dn_per_e=1,
+                saturation_dn=500,
+                temperature_c=-60,
+            ),
+        ],
+    ),
+    (
+        "give a dark signal of",
+        lambda: sensor(dark_current_e_per_s=1e30, exposure_time_s=1e30, conversion_gain_dn_per_e=1, temperature_c=100),
+        lambda: sensor(dark_current_e_per_s=10, exposure_time_s=0.1, conversion_gain_dn_per_e=1, temperature_c=40),
+    ),
+    (
+        "divide it by its mean, and multiply exposure_gain_dn by that",
+        lambda: sensor(gain_map=2 * ONES),
+        lambda: sensor(gain_map=2 * ONES / 2, exposure_gain_dn=200),
+    ),
+    (
+        "output.format is uint8, but the sensor has 10 bits; use uint16",
+        lambda: sensor(bits=10).expose(ONES, out=clspeckle.DeviceImage(SHAPE, np.uint8)),
+        lambda: sensor(bits=10).expose(ONES, out=clspeckle.DeviceImage(SHAPE, np.uint16)),
+    ),
+    (
+        "photons_per_unit needs to know what an electron is: set conversion_gain_dn_per_e",
+        lambda: sensor(photons_per_unit=100),
+        lambda: sensor(photons_per_unit=100, conversion_gain_dn_per_e=0.5),
+    ),
+    (
+        "quantum_efficiency and conversion_gain_dn_per_e make it 25; give the one or the other",
+        lambda: sensor(photons_per_unit=100, conversion_gain_dn_per_e=0.5, quantum_efficiency=0.5, exposure_gain_dn=7),
+        lambda: [
+            sensor(photons_per_unit=100, conversion_gain_dn_per_e=0.5, quantum_efficiency=0.5),
+            sensor(exposure_gain_dn=7),
+        ],
+    ),
+    (
+        "full_well_e needs to know what an electron is: set conversion_gain_dn_per_e",
+        lambda: sensor(full_well_e=1000),
+        lambda: sensor(full_well_e=1000, conversion_gain_dn_per_e=0.5),
+    ),
+    (
+        "full_well_e and conversion_gain_dn_per_e make it 500; give the one or the other",
+        lambda: sensor(full_well_e=1000, conversion_gain_dn_per_e=0.5, saturation_dn=7),
+        lambda: [sensor(full_well_e=1000, conversion_gain_dn_per_e=0.5), sensor(saturation_dn=7)],
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(SENSORS))
+def test_sensors(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+def test_an_output_of_its_own() -> None:
+    made = sensor(crosstalk_fraction=0.1)
+    light, codes = clspeckle.DeviceImage.from_array(ONES), clspeckle.DeviceImage(SHAPE, np.float32)
+    follow(
+        "each pixel also reads its neighbours: give an output of its own",
+        lambda: made.enqueue_expose(light, 0, light).wait(),
+        lambda: made.enqueue_expose(light, 0, codes).wait(),
+    )
+
+
+def raw(name: str, struct: Any, **members: Any) -> None:
+    """A stage by the C interface, which takes what this binding does not let through."""
+    desc = _library.initialized(struct)
+    for member, value in {"width": SHAPE[1], "height": SHAPE[0], **members}.items():
+        setattr(desc, member, value)
+    pointer = create(name, clspeckle.default_context()._get(), ctypes.byref(desc))
+    _library.release(name.replace("Create", "Release"), pointer or 0)
+
+
+# --- Light: surface, aperture, lens, dots ---
+
+
+def phase(refreshed: bool = True, **given: Any) -> clspeckle.Phase:
+    made = clspeckle.Phase(SHAPE, **given)
+    if refreshed:
+        made.refresh(0)
+    return made
+
+
+def aperture(**given: Any) -> clspeckle.Aperture:
+    return clspeckle.Aperture(SHAPE, **given)
+
+
+def lens(**given: Any) -> clspeckle.Lens:
+    return clspeckle.Lens(SHAPE, **given)
+
+
+def overlapping() -> tuple[clspeckle.DeviceImage, clspeckle.DeviceImage]:
+    buffer = clspeckle.Buffer(2 * ONES.nbytes)
+    return tuple(
+        clspeckle.DeviceImage.wrap(buffer, SHAPE, np.float32, offset_bytes=offset) for offset in (0, ONES.nbytes // 2)
+    )  # type: ignore[return-value]
+
+
+def workspace(made: clspeckle.Aperture) -> clspeckle.Buffer:
+    return clspeckle.Buffer(made.info().workspace_bytes)
+
+
+def given_workspace() -> clspeckle.Aperture:
+    made = aperture(workspace_from_host=True)
+    made.set_workspace(workspace(made))
+    return made
+
+
+LIGHT: list[Case] = [
+    (
+        "the phase holds no values yet; refresh it or restore a state first",
+        lambda: phase(refreshed=False).field(),
+        lambda: [phase().field(), phase(refreshed=False).restore(phase().save())],
+    ),
+    (
+        "make it with dynamics continuous, or give a mask (a motion with the rule replace makes one)",
+        lambda: phase().advance(1, path=0.5),
+        lambda: [phase(dynamics="continuous").advance(1, path=0.5), phase().advance(1, mask=ONES > 0)],
+    ),
+    (
+        "make it with a circular Gaussian field, or give a mask",
+        lambda: phase(field="unit_phasor").advance(1, correlation=0.5),
+        lambda: [
+            phase(dynamics="continuous").advance(1, correlation=0.5),
+            phase(field="unit_phasor").advance(1, mask=ONES > 0),
+        ],
+    ),
+    (
+        "make it with translate = 1, or give no shift",
+        lambda: phase(dynamics="continuous").advance(1, path=0.5, shift=np.zeros((*SHAPE, 2), np.float32)),
+        lambda: phase(dynamics="continuous", translate=True).advance(
+            1, path=0.5, shift=np.zeros((*SHAPE, 2), np.float32)
+        ),
+    ),
+    (
+        "set oversampling to",
+        lambda: aperture(relative_diameter=1.8),
+        lambda: aperture(relative_diameter=1.8, oversampling=2),
+    ),
+    (
+        "use a larger f_number, or a smaller pixel pitch",
+        lambda: aperture(f_number=0.1, pixel_pitch_m=2.9e-6),
+        lambda: [aperture(f_number=8, pixel_pitch_m=2.9e-6), aperture(f_number=0.7, pixel_pitch_m=0.5e-6)],
+    ),
+    (
+        "create it with workspace_from_host = 1 to give it yours",
+        lambda: aperture().set_workspace(workspace(aperture())),
+        given_workspace,
+    ),
+    (
+        "the aperture was created with workspace_from_host = 1; give it work memory first",
+        lambda: aperture(workspace_from_host=True).intensity(phase(), ONES),
+        lambda: given_workspace().intensity(phase(), ONES),
+    ),
+    (
+        "irradiance and intensity overlap without being the same image; use one image for both, or two apart",
+        lambda: aperture().enqueue_intensity(phase(), *overlapping()),
+        lambda: [
+            aperture().enqueue_intensity(phase(), overlapping()[0], overlapping()[1]).wait(),
+            aperture().enqueue_intensity(phase(), *[overlapping()[0]] * 2).wait(),
+        ],
+    ),
+    (
+        "use a smaller obstruction_ratio, a larger image or a larger guard_px",
+        lambda: aperture(pupil="ring", obstruction_ratio=0.99, relative_diameter=0.05),
+        lambda: [aperture(pupil="ring", obstruction_ratio=0.5, relative_diameter=0.2)],
+    ),
+    (
+        "use fewer waves, a larger guard_px or a larger image",
+        lambda: aperture(defocus_waves=30),
+        lambda: [
+            aperture(defocus_waves=0.5),
+            aperture(defocus_waves=3, guard_px=64),
+            clspeckle.Aperture((512, 512), defocus_waves=3),
+        ],
+    ),
+    (
+        "use a smaller image or less oversampling",
+        lambda: clspeckle.Phase((16384, 16384), oversampling=8),
+        lambda: [clspeckle.Phase((64, 64), oversampling=8), clspeckle.field_grid((1024, 1024), oversampling=1)],
+    ),
+    (
+        "use smaller k1, k2, k3, p1, p2, or check their radius_unit",
+        lambda: lens(k1=-5),
+        lambda: [lens(k1=-0.1), lens(k1=-5, radius_unit="focal_length", focal_length_px=(900, 900))],
+    ),
+    (
+        "has no values between its own; use nearest",
+        lambda: lens(k1=0.1).distort(np.zeros(SHAPE, np.uint8), interpolation="linear"),
+        lambda: lens(k1=0.1).distort(np.zeros(SHAPE, np.uint8), interpolation="nearest"),
+    ),
+    (
+        "light and output overlap without being the same image; use one image for both, or two apart",
+        lambda: lens().enqueue_finish(*overlapping()),
+        lambda: [
+            lens().enqueue_finish(overlapping()[0], overlapping()[1]).wait(),
+            lens().enqueue_finish(*[overlapping()[0]] * 2).wait(),
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(LIGHT))
+def test_light(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+def many_dots(count: int, sigma_px: float) -> clspeckle.Dots:
+    return clspeckle.Dots((4096, 4096), np.tile([[2000.0, 1000.0]], (count, 1)), sigma_px=sigma_px)
+
+
+POSITIONS = (ctypes.c_double * 6)(20, 10, 30, 10, 20, 20)
+DOTS = {"count": 3, "positions_px": POSITIONS, "sigma_px": 1.5}
+RAW: list[Case] = [
+    (
+        "but desc->principal_point_given is 0; set it to 1, or leave the point at 0",
+        lambda: raw("clspDotsCreate", _library.ClspDotsDesc, **DOTS, principal_point_x_px=9),
+        lambda: [
+            raw("clspDotsCreate", _library.ClspDotsDesc, **DOTS, principal_point_x_px=9, principal_point_given=1),
+            raw("clspDotsCreate", _library.ClspDotsDesc, **DOTS),
+        ],
+    ),
+    (
+        "but principal_point_given is 0; set it to 1",
+        lambda: raw("clspLensCreate", _library.ClspLensDesc, principal_point_x_px=9),
+        lambda: raw("clspLensCreate", _library.ClspLensDesc, principal_point_x_px=9, principal_point_given=1),
+    ),
+    (
+        "give ghost_offset_x_px and ghost_offset_y_px, and set ghost_offset_given to 1",
+        lambda: raw(
+            "clspDotsCreate",
+            _library.ClspDotsDesc,
+            count=1,
+            positions_px=POSITIONS,
+            sigma_px=1.5,
+            ghost_relative_intensity=0.1,
+        ),
+        lambda: raw(
+            "clspDotsCreate",
+            _library.ClspDotsDesc,
+            count=1,
+            positions_px=POSITIONS,
+            sigma_px=1.5,
+            ghost_relative_intensity=0.1,
+            ghost_offset_given=1,
+            ghost_offset_x_px=5,
+            ghost_offset_y_px=5,
+        ),
+    ),
+    (
+        "use fewer or narrower dots",
+        lambda: many_dots(100_000, 2000.0),
+        lambda: [many_dots(10, 2000.0), many_dots(100_000, 2.0)],
+    ),
+    (
+        "pupil_image was given, but pupil is",
+        lambda: raw(
+            "clspApertureCreate",
+            _library.ClspApertureDesc,
+            pupil_image=(ctypes.c_float * 4)(1, 1, 1, 1),
+            pupil_width=2,
+            pupil_height=2,
+        ),
+        lambda: raw(
+            "clspApertureCreate",
+            _library.ClspApertureDesc,
+            pupil_image=(ctypes.c_float * 4)(1, 1, 1, 1),
+            pupil_width=2,
+            pupil_height=2,
+            pupil=_library.CLSP_PUPIL_IMAGE,
+        ),
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(RAW))
+def test_structs(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+# --- Depth ---
+
+
+def depth(**given: Any) -> clspeckle.Depth:
+    pose = np.eye(3, 4)
+    pose[0, 3] = given.pop("baseline", -0.075)
+    return clspeckle.Depth((64, 96), [[0.0, 0.0], [0.1, 0.05]], pose, (560, 560, 48, 32), **given)
+
+
+def spots(count: int, size: int = 64) -> Any:
+    grid = np.stack(np.meshgrid(np.arange(8, size - 8, 8.0), np.arange(8, size - 8, 8.0)), -1).reshape(-1, 2)[:count]
+    return 500 * clspeckle.Dots((size, size), grid, sigma_px=1.2).render()
+
+
+DEPTHS: list[Case] = [
+    (
+        "it must be 0.5 to 5 px; scale the image for other dots",
+        lambda: clspeckle.Depth((64, 64), dot_sigma_px=9).measure(spots(4)),
+        lambda: clspeckle.Depth((64, 64), dot_sigma_px=4.5).measure(spots(4)),
+    ),
+    (
+        "raise it, or min_amplitude_dn, or tell the detector the noise (read_noise_dn)",
+        lambda: clspeckle.Depth((64, 64), dot_sigma_px=1.2, max_dots=10).measure(spots(30)),
+        lambda: clspeckle.Depth((64, 64), dot_sigma_px=1.2, max_dots=100).measure(spots(30)),
+    ),
+    (
+        "check the translation of laser_from_camera (metres)",
+        lambda: depth(baseline=-1e-7),
+        lambda: depth(baseline=-0.075),
+    ),
+    (
+        "give both, or neither for a detector alone",
+        lambda: raw("clspDepthCreate", _library.ClspDepthDesc, direction_count=3),
+        lambda: raw("clspDepthCreate", _library.ClspDepthDesc),
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(DEPTHS))
+def test_depth(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+# --- Motion ---
+
+
+def motion_of(desc: dict[str, Any] | None = None, outputs: tuple[str, ...] = ("path",), **members: Any) -> Any:
+    """clspMotionEnqueueCompute() with these images, by the C interface."""
+    stage = clspeckle.Motion(SHAPE, intrinsics=(50, 50, 24, 16), **(desc or {}))
+    queue = clspeckle.Queue(stage.context)
+    given, result, kept = (
+        _library.initialized(_library.ClspMotionInput),
+        _library.initialized(_library.ClspMotionOutput),
+        [],
+    )
+
+    def image(kind: str) -> Any:
+        pixel = {"position": (np.float32, 3), "material": (np.uint8, 1), "motion": (np.float32, 2)}.get(
+            kind, (np.float32, 1)
+        )
+        shape = SHAPE if pixel[1] == 1 else (*SHAPE, pixel[1])
+        kept.append(clspeckle.DeviceImage.from_array(np.ones(shape, pixel[0]), context=stage.context))
+        return kept[-1].struct()
+
+    for name, value in members.items():
+        setattr(given, name, image(name.replace("previous_", "")) if value is True else value)
+    for name in outputs:
+        setattr(result, name, image(name))
+    _library.call(
+        "clspMotionEnqueueCompute", stage._get(), queue._get(), ctypes.byref(given), ctypes.byref(result), 0, None, None
+    )
+    queue.finish()
+
+
+POSE = (ctypes.c_double * 12)(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
+MOTIONS: list[Case] = [
+    (
+        "input has both position and depth; give one of them",
+        lambda: motion_of(position=True, depth=True, previous_position=True),
+        lambda: motion_of(position=True, previous_position=True),
+    ),
+    (
+        "input has both previous_position and previous_depth; give one of them",
+        lambda: motion_of(depth=True, motion=True, previous_position=True, previous_depth=True),
+        lambda: motion_of(depth=True, motion=True, previous_depth=True),
+    ),
+    (
+        "transform_count is 0 but previous_from_current is not NULL; give both or neither",
+        lambda: motion_of(position=True, previous_from_current=POSE),
+        lambda: motion_of(position=True, previous_from_current=POSE, transform_count=1),
+    ),
+    (
+        "previous_from_current is NULL but transform_count is not 0; give both or neither",
+        lambda: motion_of(position=True, transform_count=1, previous_position=True),
+        lambda: motion_of(position=True, previous_position=True),
+    ),
+    (
+        "input has both previous_from_current and motion; give one of them",
+        lambda: motion_of(position=True, previous_from_current=POSE, transform_count=1, motion=True),
+        lambda: motion_of(position=True, previous_from_current=POSE, transform_count=1),
+    ),
+    (
+        "previous_normal; leave out the latter",
+        lambda: motion_of(
+            position=True, previous_from_current=POSE, transform_count=1, normal=True, previous_normal=True
+        ),
+        lambda: motion_of(position=True, previous_from_current=POSE, transform_count=1),
+    ),
+    (
+        "previous_position without motion goes with the point; leave it out",
+        lambda: motion_of(position=True, material=True, previous_position=True, previous_material=True),
+        lambda: motion_of(position=True, material=True, previous_position=True),
+    ),
+    (
+        "give previous_position, previous_from_current, or motion with the previous frame's depth",
+        lambda: motion_of(position=True),
+        lambda: [
+            motion_of(position=True, previous_position=True),
+            motion_of(position=True, previous_from_current=POSE, transform_count=1),
+            motion_of(depth=True, motion=True, previous_depth=True),
+        ],
+    ),
+    (
+        "output has no image; give at least one of path, correlation, shift, displacement and mask",
+        lambda: motion_of(outputs=(), position=True, previous_position=True),
+        lambda: [motion_of(outputs=(name,), position=True, previous_position=True) for name in ("path", "correlation")],
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(MOTIONS))
+def test_motion(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
