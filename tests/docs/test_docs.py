@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import subprocess
@@ -63,11 +64,26 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_options_of_the_program_exist(page: Path) -> None:
     """Every `clspeckle COMMAND --option` in a code line or code span is an option of that command."""
-    for line in re.findall(r"clspeckle (render|statistics|devices|tune)(?![\w-])([^\n`]*)", page.read_text()):
-        command, rest = line
-        text = subprocess.run([BIN / "clspeckle", command, "--help"], check=True, capture_output=True, text=True).stdout
-        for option in re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", rest):
-            assert option in text, f"{page.name}: clspeckle {command} has no {option}"
+    text = re.sub(r"\\\n\s+", " ", page.read_text())
+    for words in re.findall(r"\bclspeckle((?: [^\s`|>;&#]+)+)", text):
+        command = command_of(words.split())
+        for option in re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", words) if command else []:
+            assert re.search(rf"{option}\b(?!-)", help_of(*command)), f"clspeckle{words}: no {option}"
+
+
+@functools.cache
+def help_of(*command: str) -> str:
+    return subprocess.run([BIN / "clspeckle", *command, "--help"], check=True, capture_output=True, text=True).stdout
+
+
+def command_of(words: list[str]) -> tuple[str, ...]:
+    """The longest beginning of the words that is a command."""
+    found: tuple[str, ...] = ()
+    for word in words:
+        if not re.search(rf"^  {re.escape(word)}  ", help_of(*found).partition("Subcommands:")[2], re.MULTILINE):
+            break
+        found = (*found, word)
+    return found
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
