@@ -59,6 +59,8 @@ def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text())
     missing = [link for link in links if not (page.parent / link).exists()]
     assert not missing
+    outside = [link for link in links if not (page.parent / link).resolve().is_relative_to(ROOT.resolve())]
+    assert not outside, "only the checkout is there for all who read"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
