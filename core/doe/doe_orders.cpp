@@ -208,8 +208,6 @@ DoeDesignParameters checked_doe_parameters(DoeDesignParameters p) {
 SnappedOrders snap_directions(const std::vector<double> &directions, std::uint32_t width, std::uint32_t height,
                               double pixel_pitch_m, double wavelength_m) {
     check_cell(width, height, pixel_pitch_m, wavelength_m);
-    if (directions.empty())
-        throw Error(Status::kInvalidArgument, "directions is empty; give at least one");
     const double step_x = wavelength_m / (pixel_pitch_m * width), step_y = wavelength_m / (pixel_pitch_m * height);
     SnappedOrders snapped;
     OrderIndex index;

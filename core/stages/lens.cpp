@@ -401,7 +401,7 @@ void Lens::enqueue_distort(CommandChain &chain, const ImageView &ideal, const Im
 
 void Lens::check_distort_shift(const ImageView &ideal, const ImageView &distorted) {
     if (!distorts())
-        throw Error(Status::kInvalidState, "this lens does not distort; take the shifts as they are");
+        throw Error(Status::kInvalidState, "this lens does not distort");
     for (const ImageView *image : {&ideal, &distorted})
         if (image->format != Format::kFloat32x2)
             throw Error(Status::kInvalidFormat,

@@ -9,13 +9,15 @@ import ctypes
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 import clspeckle
-from binding_common import SHAPE
+from binding_common import ROOT, SHAPE, Runner
 from clspeckle import _library
 from clspeckle._handle import create
 
@@ -676,3 +678,373 @@ MOTIONS: list[Case] = [
 @pytest.mark.parametrize(("says", "bad", "good"), named(MOTIONS))
 def test_motion(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
     follow(says, bad, good)
+
+
+# --- Pipelines ---
+
+
+def camera(sensor: bool = True, **given: Any) -> clspeckle.Pipeline:
+    return clspeckle.Pipeline.from_parameters(SHAPE, output="codes" if sensor else "intensity", **given)
+
+
+def frame(made: clspeckle.Pipeline, **members: Any) -> None:
+    """A frame by the C interface, into an output of its own."""
+    desc = _library.initialized(_library.ClspFrame)
+    dtype = np.uint16 if made.sensor else np.float32
+    image, kept = clspeckle.DeviceImage(SHAPE, dtype), [clspeckle.DeviceImage.from_array(ONES)]
+    for name in ("irradiance", "output"):
+        if name == "output" or members.pop(name, False):
+            setattr(desc, name, (image if name == "output" else kept[0]).struct())
+    for name, value in members.items():
+        setattr(desc, name, value)
+    queue = clspeckle.Queue()
+    _library.call("clspPipelineEnqueueFrame", made._get(), queue._get(), ctypes.byref(desc), 0, None, None)
+    queue.finish()
+
+
+def geometry() -> Any:
+    desc = _library.initialized(_library.ClspGeometry)
+    desc.fx_px, desc.fy_px, desc.cx_px, desc.cy_px = 50, 50, 24, 16
+    desc.depth = DEPTH.struct()
+    return ctypes.pointer(desc)
+
+
+def both_places() -> Any:
+    desc = geometry()
+    desc.contents.position = POSITION.struct()
+    return desc
+
+
+DEPTH = clspeckle.DeviceImage.from_array(ONES)
+POSITION = clspeckle.DeviceImage.from_array(np.ones((*SHAPE, 3), np.float32))
+ROUGH = clspeckle.Material(subsurface_fraction=0.5)
+
+
+def projector() -> clspeckle.Pattern:
+    return clspeckle.Pattern(np.ones((4, 4), np.float32))
+
+
+def moved() -> Any:
+    return ctypes.pointer(_library.initialized(_library.ClspMotionInput))
+
+
+def timed(profiling: bool) -> None:
+    queue = clspeckle.Queue(profiling=profiling)
+    made = camera()
+    made.render(ONES, queue=queue)
+    assert made.timings()
+
+
+def two_polarizations(**given: Any) -> clspeckle.Pipeline:
+    return camera(polarization_count=2, **given)
+
+
+def known_sensor(name: bytes) -> None:
+    desc = _library.ClspSensorDesc()
+    _library.call("clspSensorDescFromProfile", ctypes.byref(desc), ctypes.sizeof(desc), name)
+
+
+PIPELINES: list[Case] = [
+    (
+        "says itself how many there are; leave it 0",
+        lambda: camera(exposure_path=1, exposure_correlation="gaussian", sub_exposures=5),
+        lambda: camera(exposure_path=1, exposure_correlation="gaussian", sub_exposures=0),
+    ),
+    (
+        "but subsurface_length_px is 0; set it above 0",
+        lambda: camera(subsurface_fraction=0.5),
+        lambda: camera(subsurface_fraction=0.5, subsurface_length_px=2),
+    ),
+    (
+        "but the pipeline's subsurface_length_px is 0; set it above 0",
+        lambda: two_polarizations(materials=[ROUGH]),
+        lambda: two_polarizations(materials=[ROUGH], subsurface_length_px=2),
+    ),
+    (
+        "which needs a phase with dynamics continuous; or make the motion with the rule replace",
+        lambda: clspeckle.Pipeline(phase=phase(), aperture=aperture(), motion=clspeckle.Motion(SHAPE)),
+        lambda: [
+            clspeckle.Pipeline(phase=phase(dynamics="continuous"), aperture=aperture(), motion=clspeckle.Motion(SHAPE)),
+            clspeckle.Pipeline(phase=phase(), aperture=aperture(), motion=clspeckle.Motion(SHAPE, rule="replace")),
+        ],
+    ),
+    (
+        "was given to a pipeline with a material table; set subsurface_fraction of the materials",
+        lambda: two_polarizations(materials=[clspeckle.Material()], subsurface_fraction=0.5, subsurface_length_px=2),
+        lambda: two_polarizations(materials=[ROUGH], subsurface_length_px=2),
+    ),
+    (
+        "motion was given to a pipeline without a motion stage; make the pipeline with one",
+        lambda: frame(camera(), irradiance=True, motion=moved()),
+        lambda: camera(motion={"intrinsics": (50, 50, 24, 16)}).render(
+            ONES, motion=clspeckle.MotionInput(depth=ONES, previous_from_current=np.eye(4))
+        ),
+    ),
+    (
+        "geometry was given to a pipeline without a pattern; give irradiance, or make the pipeline with a pattern",
+        lambda: frame(camera(), geometry=geometry()),
+        lambda: [frame(camera(), irradiance=True), frame(camera(pattern=projector()), geometry=geometry())],
+    ),
+    (
+        "irradiance was given to a pipeline with a pattern; give geometry alone, or make the pipeline without",
+        lambda: frame(camera(pattern=projector()), geometry=geometry(), irradiance=True),
+        lambda: [frame(camera(pattern=projector()), geometry=geometry()), frame(camera(), irradiance=True)],
+    ),
+    (
+        "geometry has both position and depth; give one of them",
+        lambda: frame(camera(pattern=projector()), geometry=both_places()),
+        lambda: frame(camera(pattern=projector()), geometry=geometry()),
+    ),
+    ("had no profiling; make one with profiling", lambda: timed(False), lambda: timed(True)),
+    (
+        "needs a pipeline with a sensor; make it with one",
+        lambda: camera(sensor=False).set_effect("prnu"),
+        lambda: camera().set_effect("prnu"),
+    ),
+    (
+        'expected one of "OS04A10"',
+        lambda: known_sensor(b"OS04A1O"),
+        lambda: known_sensor(b"OS04A10"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(PIPELINES))
+def test_pipelines(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+# --- What only C can ask for ---
+
+
+def advanced(made: clspeckle.Phase, **members: Any) -> None:
+    desc = _library.initialized(_library.ClspPhaseAdvance)
+    for name, value in members.items():
+        setattr(desc, name, value)
+    queue = clspeckle.Queue()
+    _library.call("clspPhaseEnqueueAdvance", made._get(), queue._get(), 1, ctypes.byref(desc), 0, None, None)
+    queue.finish()
+
+
+def configured(kind: str, width: int) -> None:
+    desc = _library.initialized(getattr(_library, f"Clsp{kind}Desc"))
+    desc.width, desc.height = width, SHAPE[0]
+    if kind == "Dots":
+        desc.count, desc.positions_px, desc.sigma_px = 3, POSITIONS, 1.5
+    made = sensor() if kind == "Sensor" else clspeckle.Dots(SHAPE, [[1.0, 1.0]], sigma_px=1.0)
+    _library.call(f"clsp{kind}Configure", made._get(), ctypes.byref(desc))
+
+
+def dark_frame(frames: int, noise: bool) -> None:
+    codes = (ctypes.c_uint16 * (4 * frames))()
+    told = ctypes.byref(ctypes.c_double()) if noise else None
+    _library.call("clspSensorDarkFrameFromCaptures", codes, frames, 2, 2, 0, 0, 0.0, (ctypes.c_float * 4)(), told)
+
+
+def waits(count: int, events: Any) -> None:
+    queue, made = clspeckle.Queue(), phase()
+    _library.call("clspPhaseEnqueueRefresh", made._get(), queue._get(), 1, None, count, events, None)
+    queue.finish()
+
+
+def event_list() -> Any:
+    event = phase().enqueue_refresh(1)
+    event.wait()
+    EVENTS.append(event)
+    return (ctypes.c_void_p * 1)(event.int_ptr)
+
+
+EVENTS: list[Any] = []
+
+
+def refreshed_on(queue: Any) -> None:
+    made = phase()
+    _library.call("clspPhaseEnqueueRefresh", made._get(), queue, 1, None, 0, None, None)
+    made.check()
+
+
+def blocks(apart: int) -> None:
+    buffer = clspeckle.Buffer(1024)
+    key = (ctypes.c_uint32 * 2)(0, 0)
+    queue = clspeckle.Queue()
+    context = clspeckle.default_context()._get()
+    pointer = buffer.int_ptr
+    arguments = (context, queue._get(), pointer, 0, key, 16, 0, pointer, apart, 0, None, None)
+    _library.call("clspPhiloxEnqueueBlocks", *arguments)
+    queue.finish()
+
+
+QUEUE = clspeckle.Queue()
+HANDLES: list[Case] = [
+    (
+        "both path and uniform_path were given; give one of them",
+        lambda: advanced(phase(dynamics="continuous"), uniform_path=0.5, path=DEPTH.struct()),
+        lambda: [
+            advanced(phase(dynamics="continuous"), uniform_path=0.5),
+            advanced(phase(dynamics="continuous"), path=DEPTH.struct()),
+        ],
+    ),
+    (
+        "both correlation and uniform_correlation were given; give one of them",
+        lambda: advanced(phase(dynamics="continuous"), uniform_correlation=0.5, correlation=DEPTH.struct()),
+        lambda: [
+            advanced(phase(dynamics="continuous"), uniform_correlation=0.5),
+            advanced(phase(dynamics="continuous"), correlation=DEPTH.struct()),
+        ],
+    ),
+    (
+        "make a new sensor for another size",
+        lambda: configured("Sensor", 9),
+        lambda: [configured("Sensor", SHAPE[1]), clspeckle.Sensor((SHAPE[0], 9))],
+    ),
+    (
+        "make new dots for another size",
+        lambda: configured("Dots", 9),
+        lambda: [configured("Dots", SHAPE[1]), clspeckle.Dots((SHAPE[0], 9), [[1.0, 1.0]], sigma_px=1.0)],
+    ),
+    (
+        "give more frames, or NULL for temporal_noise_dn",
+        lambda: dark_frame(1, True),
+        lambda: [dark_frame(2, True), dark_frame(1, False)],
+    ),
+    (
+        "num_events_in_wait_list is 0 but event_wait_list is not NULL; give both or neither",
+        lambda: waits(0, event_list()),
+        lambda: [waits(1, event_list()), waits(0, None)],
+    ),
+    (
+        "queue is NULL; make one with",
+        lambda: refreshed_on(None),
+        lambda: refreshed_on(QUEUE._get()),
+    ),
+    (
+        "counters and blocks overlap without being the same; use one place for both, or two apart",
+        lambda: blocks(64),
+        lambda: [blocks(0), blocks(512)],
+    ),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(HANDLES))
+def test_handles(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+# --- The process ---
+
+SCRIPT = """
+import ctypes, clspeckle
+from clspeckle import _library
+made = ctypes.c_void_p()
+desc = _library.initialized(_library.ClspContextDesc)
+_library.call("clspContextCreate", ctypes.byref(desc), ctypes.byref(made))
+with clspeckle.Context() as context:
+    clspeckle.Aperture((64, 64), relative_diameter=0.5, context=context).info()
+"""
+WORDS = {
+    "CLSPECKLE_FFT": ("auto", "cpu", "gpu", "clfft"),
+    "CLSPECKLE_DISK_CACHE": ("auto", "off", "on"),
+    "CLSPECKLE_LOG": ("off", "warning", "info"),
+}
+
+
+@pytest.mark.parametrize("variable", WORDS)
+def test_the_environment(run_python: Runner, tmp_path: Path, variable: str) -> None:
+    *words, last = WORDS[variable]
+    refused = run_python(SCRIPT, **{variable: "no-such-word"})
+    assert f"set it to {', '.join(words)} or {last}, or unset it" in refused.stderr
+    for word in WORDS[variable]:
+        done = run_python(SCRIPT, **{variable: word, "CLSPECKLE_CACHE_DIR": str(tmp_path / "cache")})
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_kernel_at_another_place(tmp_path: Path) -> None:
+    source = (ROOT / "kernels" / "stages" / "phase.cl").read_bytes()
+    (tmp_path / "phase.cl").write_bytes(source)
+    with pytest.raises(clspeckle.errors.ClspeckleError, match=r"the built-in kernel is stages/phase\.cl; put it there"):
+        clspeckle.Context(kernel_dir=tmp_path)
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "phase.cl").rename(tmp_path / "stages" / "phase.cl")
+    with clspeckle.Context(kernel_dir=tmp_path):
+        pass
+
+
+def contexts(device: bool) -> None:
+    info = clspeckle.default_context().info()
+    made, desc = ctypes.c_void_p(), _library.initialized(_library.ClspContextDesc)
+    queue = cl.CommandQueue(cl.create_some_context(interactive=False))
+    desc.cl_context_handle = queue.context.int_ptr
+    desc.cl_device = queue.device.int_ptr if device else None
+    assert info
+    _library.call("clspContextCreate", ctypes.byref(desc), ctypes.byref(made))
+    _library.release("clspContextRelease", made.value or 0)
+
+
+def divided(parent: bool) -> None:
+    opencl = cl.create_some_context(interactive=False)
+    context = clspeckle.Context.from_opencl(opencl)
+    made = clspeckle.Aperture(SHAPE, workspace_from_host=True, context=context)
+    size = made.info().workspace_bytes
+    whole = cl.Buffer(opencl, cl.mem_flags.READ_WRITE, size + 4096)
+    if parent:
+        made.set_workspace(whole, offset_bytes=4096, size_bytes=size)
+    else:
+        made.set_workspace(whole[4096 : 4096 + size], size_bytes=size)
+
+
+MORE_HANDLES: list[Case] = [
+    ("name the device of that context which clSpeckle is to use", lambda: contexts(False), lambda: contexts(True)),
+    ("which cannot be divided again; give its parent and an offset", lambda: divided(False), lambda: divided(True)),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(MORE_HANDLES))
+def test_more_handles(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+def tuned(path: Path | None) -> None:
+    clspeckle.tune([(32, 48)], frames=1, path=path)
+
+
+def test_tuning_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    follow(
+        "name a file in a folder that can be written to",
+        lambda: tuned(tmp_path / "file" / "a.json"),
+        lambda: tuned(tmp_path / "a.json"),
+    )
+    monkeypatch.setenv("CLSPECKLE_TUNING", "off")
+    follow("or there is no cache folder; name a file", lambda: tuned(None), lambda: tuned(tmp_path / "b.json"))
+
+
+LARGE_CELL = """
+import clspeckle
+clspeckle.design_doe([(1, 0)], shape=({side}, {side}), iterations=1)
+"""
+
+
+def test_a_cell_that_fits_the_device(run_python: Runner) -> None:
+    """A device of a gigabyte."""
+    memory = {"POCL_MEMORY_LIMIT": "1"}
+    refused = run_python(LARGE_CELL.replace("{side}", "8192"), **memory)
+    assert "take a smaller cell" in refused.stderr
+    done = run_python(LARGE_CELL.replace("{side}", "512"), **memory)
+    assert done.returncode == 0, done.stderr
+
+
+def ghosts(direction: int, positions: Any) -> None:
+    made = camera(
+        dots=clspeckle.Dots(SHAPE, positions, sigma_px=1.5), effects={"ghost_dots": {"lattice_direction": direction}}
+    )
+    made.render()
+
+
+@pytest.mark.parametrize(("direction", "other", "step"), [(1, 2, (0, 8)), (2, 1, (8, 0))])
+def test_ghosts_of_a_row_of_dots(direction: int, other: int, step: tuple[int, int]) -> None:
+    positions = np.array([[8.0, 4.0]]) + np.arange(3)[:, np.newaxis] * np.array(step)
+    follow(
+        "but no dot has a neighbour there; take the other direction, or both",
+        lambda: ghosts(direction, positions),
+        lambda: [ghosts(way, positions) for way in (other, 0)],
+    )
