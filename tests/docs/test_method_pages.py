@@ -1,4 +1,4 @@
-"""Pages of the method: equations, and of each source that is named authors, year, title and DOI, where it has one."""
+"""Pages of the method: equations, figures, and of each source authors, year, title and DOI, where it has one."""
 
 from __future__ import annotations
 
@@ -46,6 +46,11 @@ def sources(page: Path) -> list[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_has_equations(page: Path) -> None:
     assert MARKED.search(page.read_text())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_has_a_figure(page: Path) -> None:
+    assert re.search(r"^!\[[^\]]+\]\([^)]+\.png\)$", page.read_text(), re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
