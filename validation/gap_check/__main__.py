@@ -10,14 +10,18 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from .effects import EFFECTS
-from .outcome import read_outcomes
-from .plan import PLANS, Plan, SetPlan, load_plan, set_name, write_drawn, write_plan
-from .power import EFFECTS as POWER_EFFECTS
-from .power import FRAMES, power
-from .runner import DEFAULT_COMMAND, find_sets, progress, run_sets
-from .scorer import score
-from .tables import markdown
+try:
+    from .effects import EFFECTS
+    from .outcome import read_outcomes
+    from .plan import PLANS, Plan, SetPlan, load_plan, set_name, write_drawn, write_plan
+    from .power import EFFECTS as POWER_EFFECTS
+    from .power import FRAMES, power
+    from .runner import DEFAULT_COMMAND, find_sets, progress, run_sets
+    from .scorer import score
+    from .tables import markdown
+except ModuleNotFoundError as error:
+    needs = Path(__file__).with_name("requirements.txt")
+    sys.exit(f"gap_check: {error.name} is not installed: {sys.executable} -m pip install -r {needs}")
 
 DESCRIPTION = """\
 Draws capture sets with known gaps by an independent generator, has a diagnosis look at them without their keys, and

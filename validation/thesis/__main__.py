@@ -19,21 +19,25 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from . import (
-    aperture_series,
-    beam_profile,
-    before_after,
-    decorrelation,
-    depth_estimates,
-    doe_defects,
-    intensity_law,
-    run_time,
-    scenes,
-    sensor_noise,
-    wavelength_shift,
-)
-from .experiment import Experiment, Record, carry_out
-from .page import write_page
+try:
+    from . import (
+        aperture_series,
+        beam_profile,
+        before_after,
+        decorrelation,
+        depth_estimates,
+        doe_defects,
+        intensity_law,
+        run_time,
+        scenes,
+        sensor_noise,
+        wavelength_shift,
+    )
+    from .experiment import Experiment, Record, carry_out
+    from .page import write_page
+except ModuleNotFoundError as error:
+    needs = Path(__file__).with_name("requirements.txt")
+    sys.exit(f"thesis: {error.name} is not installed: {sys.executable} -m pip install -r {needs}")
 
 MODULES = (
     wavelength_shift,

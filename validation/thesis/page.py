@@ -6,6 +6,7 @@ import datetime
 import platform
 import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,11 +14,14 @@ import clspeckle
 
 from .experiment import Experiment, Record, read_record, write_whole
 
+COLUMNS = 118
+
 HEAD = """# The thesis, figure by figure
 
 *Real-time statistical simulation of dynamic laser speckle* is what this library goes back to. Its experiments and figures are repeated here with the
 library, each with a verdict: a number that was measured beside the one that theory says, and a tolerance that is stated. The page is written by
 
+    pip install -r validation/thesis/requirements.txt
     PYTHONPATH=validation python -m thesis run --out OUT
     PYTHONPATH=validation python -m thesis page --out OUT --page docs/results/thesis.md
 
@@ -37,6 +41,20 @@ ASSUMPTIONS = """## Figures elsewhere
 - **Full scale.** Codes have 10 bits; the noise of 0.015 is of the top code.
 - **f/0.** Means that no speckle is added.
 """
+
+
+def filled(text: str) -> str:
+    """Paragraphs and items in lines of at most 118 columns; headings, tables, figures and code stay."""
+    lines = []
+    for line in text.split("\n"):
+        if line.startswith(("#", "|", "!", "    ")) or len(line) <= COLUMNS:
+            lines.append(line)
+        else:
+            indent = "  " if line.startswith("- ") else ""
+            lines += textwrap.wrap(
+                line, COLUMNS, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+            )
+    return "\n".join(lines)
 
 
 def table(record: Record) -> str:
@@ -76,7 +94,8 @@ def write_page(experiments: Sequence[Experiment], out: Path, page: Path) -> None
     )
     if missing:
         summary += f"\nNot run: {', '.join(missing)}.\n"
-    write_whole(page, lambda path: path.write_text(HEAD + summary + "\n" + "\n".join(sections) + "\n" + ASSUMPTIONS))
+    text = filled(HEAD + summary + "\n" + "\n".join(sections) + "\n" + ASSUMPTIONS)
+    write_whole(page, lambda path: path.write_text(text))
     print(f"page: {page}")
     for name in missing:
         print(f"thesis: {out} has no result of {name}; the page leaves it out", file=sys.stderr)

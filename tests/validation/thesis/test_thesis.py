@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -110,6 +111,7 @@ def test_page_shows_every_figure_and_verdict(results: Path, tmp_path: Path) -> N
         record = experiment.read_record(e, results / e.name)
         assert record is not None
         assert all(f"| {v.what} |" in text for v in record.verdicts)
+    assert all(len(line) <= 120 for line in text.splitlines() if not line.startswith("|"))
     with pytest.raises(SystemExit, match="no result of any experiment"):
         write_page(program.EXPERIMENTS, tmp_path, page)
 
@@ -180,3 +182,17 @@ def test_bad_input(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "no result of any experiment" in done.stderr
     assert "Fig. 22, 23, 24" in thesis("list").stdout
+
+
+def test_a_missing_package_is_named(tmp_path: Path) -> None:
+    (tmp_path / "OpenEXR.py").write_text('raise ModuleNotFoundError("No module named OpenEXR", name="OpenEXR")\n')
+    path = os.pathsep.join([str(tmp_path), str(ROOT / "validation"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-m", "thesis", "list"],
+        capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "OpenEXR is not installed" in done.stderr
+    assert "Traceback" not in done.stderr
+    (needs,) = re.findall(r"pip install -r (\S+)", done.stderr)
+    assert "OpenEXR" in Path(needs).read_text()
