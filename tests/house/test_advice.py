@@ -22,7 +22,7 @@ FILES = [
 ]
 SOURCES = FILES + [
     path
-    for folder in ("core",)
+    for folder in ("core", "bindings/cpp/include", "bindings/python/src")
     for suffix in ("cpp", "hpp", "py")
     for path in sorted((ROOT / folder).rglob(f"*.{suffix}"))
     if path not in FILES and path.name != "_generated.py"

@@ -315,6 +315,8 @@ def test_scenes_stay_what_they_were(ideal: npt.NDArray[np.float32], tmp_path: Pa
     files = recipe(ideal, scenes=[tmp_path / "scene.npy"])
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="has changed since the recipe read it first"):
         dataset.write(files, tmp_path / "set", count=4, shard_size=2, progress=overwrite)
+    anew = recipe(ideal, scenes=[tmp_path / "scene.npy"])
+    assert dataset.write(anew, tmp_path / "other", count=4, shard_size=2), "the advice works"
 
 
 def test_a_recipe_that_failed_leaves_the_folder_free(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
@@ -367,6 +369,7 @@ def test_a_folder_is_of_one_set(ideal: npt.NDArray[np.float32], tmp_path: Path) 
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="set of 2 pairs, more than 1; give that count or"):
         dataset.write(recipe(ideal), tmp_path, count=1)
     assert len(dataset.write(recipe(ideal), tmp_path, count=2)) == 1, "the advice works"
+    assert dataset.write(recipe(ideal, seed=12), tmp_path / "another", count=2), "the advice works"
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match="expected at least 1 of each"):
         dataset.write(recipe(ideal), tmp_path, count=0)
     (tmp_path / "shard-000000.tar").unlink()

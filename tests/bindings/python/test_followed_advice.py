@@ -7,18 +7,21 @@ from __future__ import annotations
 
 import ctypes
 import math
+import pickle
 import re
+import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
+import pyopencl.array as cl_array
 import pytest
 
 import clspeckle
 from binding_common import ROOT, SHAPE, Runner
-from clspeckle import _library
+from clspeckle import _interop, _library
 from clspeckle._handle import create
 
 # What is said, what is done, what is done instead.
@@ -1048,3 +1051,263 @@ def test_ghosts_of_a_row_of_dots(direction: int, other: int, step: tuple[int, in
         lambda: ghosts(direction, positions),
         lambda: [ghosts(way, positions) for way in (other, 0)],
     )
+
+
+# --- The package ---
+
+
+def closed() -> clspeckle.Buffer:
+    made = clspeckle.Buffer(64)
+    made.close()
+    return made
+
+
+def wrapped(**given: Any) -> clspeckle.DeviceImage:
+    return clspeckle.DeviceImage.wrap(cl_buffer(), SHAPE, np.float32, **given)
+
+
+def cl_buffer() -> Any:
+    pointer = clspeckle.default_context().info().opencl_context
+    return cl.Buffer(cl.Context.from_int_ptr(pointer), cl.mem_flags.READ_WRITE, ONES.nbytes)
+
+
+def gathered(array: Any) -> None:
+    image = clspeckle.DeviceImage.from_array(np.ascontiguousarray(array.map_to_host()))
+    camera().enqueue_frame(image, clspeckle.DeviceImage(SHAPE, np.uint16)).wait()
+
+
+def spread() -> Any:
+    pointer = clspeckle.default_context().info().opencl_context
+    queue = cl.CommandQueue(cl.Context.from_int_ptr(pointer))
+    return cl_array.to_device(queue, np.ones((SHAPE[0], 2 * SHAPE[1]), np.float32))[:, ::2]
+
+
+def exported(image: clspeckle.DeviceImage) -> None:
+    opencl = cl.Context.from_int_ptr(clspeckle.default_context().info().opencl_context)
+    kind = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
+    image.enqueue_export(cl.Image(opencl, cl.mem_flags.READ_WRITE, kind, shape=SHAPE[::-1])).wait()
+
+
+MOVING = clspeckle.MotionInput(depth=ONES, previous_from_current=np.eye(4))
+PACKAGE: list[Case] = [
+    (
+        "whose mask would be lost; fill it first (value.filled(0))",
+        lambda: camera().render(np.ma.masked_array(ONES, ONES > 2)),
+        lambda: camera().render(np.ma.masked_array(ONES, ONES > 2).filled(0)),
+    ),
+    (
+        "give mask != 0, or mask > 0.5",
+        lambda: camera().render(ONES, refresh=ONES / 2),
+        lambda: [camera().render(ONES, refresh=ONES / 2 != 0), camera().render(ONES, refresh=ONES > 0.5)],
+    ),
+    ("this Buffer is closed; make a new one", lambda: closed().read(), lambda: clspeckle.Buffer(64).read()),
+    (
+        "belongs to the lens, which was given; give one or the other",
+        lambda: camera(lens=lens(), k1=0.01),
+        lambda: [camera(lens=lens()), camera(k1=0.01)],
+    ),
+    (
+        "this pipeline has no motion stage; make it with one, or leave motion out",
+        lambda: camera().render(ONES, motion=MOVING),
+        lambda: [camera().render(ONES), camera(motion={"intrinsics": (50, 50, 24, 16)}).render(ONES, motion=MOVING)],
+    ),
+    (
+        "this pipeline has no material table; make it with materials, or leave material out",
+        lambda: camera().render(ONES, material=np.zeros(SHAPE, np.uint8)),
+        lambda: [
+            camera().render(ONES),
+            two_polarizations(materials=[clspeckle.Material()]).render(ONES, material=np.zeros(SHAPE, np.uint8)),
+        ],
+    ),
+    (
+        "effect must be the id of one (see clspeckle.effects())",
+        lambda: camera().set_effect(5),  # type: ignore[arg-type]
+        lambda: camera().set_effect(next(e.id for e in clspeckle.effects() if e.id == "prnu")),
+    ),
+    (
+        "give position or depth as an array, a DeviceImage or a pyopencl array",
+        lambda: projector().lookup(clspeckle.Geometry()),
+        lambda: [
+            projector().lookup(clspeckle.Geometry(depth=depths, intrinsics=(50, 50, 24, 16)))
+            for depths in (ONES, DEPTH)
+        ],
+    ),
+    (
+        "image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)",
+        lambda: clspeckle.statistics.moments(clspeckle.Buffer(ONES.nbytes)),
+        lambda: clspeckle.statistics.moments(
+            clspeckle.DeviceImage.wrap(clspeckle.Buffer(ONES.nbytes), SHAPE, np.float32)
+        ),
+    ),
+    (
+        "image is a buffer without a shape; use DeviceImage.wrap(buffer, shape, dtype)",
+        lambda: clspeckle.philox.enqueue_fill(clspeckle.Buffer(ONES.nbytes)),
+        lambda: clspeckle.philox.enqueue_fill(
+            clspeckle.DeviceImage.wrap(clspeckle.Buffer(ONES.nbytes), SHAPE, np.float32)
+        ).wait(),
+    ),
+    (
+        "use DeviceImage.from_array(numpy.ascontiguousarray(array.map_to_host()))",
+        lambda: camera().enqueue_frame(spread(), clspeckle.DeviceImage(SHAPE, np.uint16)),
+        lambda: gathered(spread()),
+    ),
+    (
+        "give queue=, or context= to wrap()",
+        lambda: wrapped().read(),
+        lambda: [wrapped(context=clspeckle.default_context()).read(), wrapped().read(queue=clspeckle.Queue())],
+    ),
+    (
+        "this image looks at foreign memory; give context= to wrap()",
+        lambda: exported(wrapped()),
+        lambda: exported(wrapped(context=clspeckle.default_context())),
+    ),
+    (
+        "shapes is empty; give at least one (height, width), or None",
+        lambda: clspeckle.tune([], keep=False),
+        lambda: clspeckle.tune([(32, 48)], frames=1, keep=False),
+    ),
+    (
+        "give a CaptureSequence with scene and motion instead",
+        lambda: capture_named("bright"),
+        lambda: [capture_named("flat"), capture_named("bright", scene="flat")],
+    ),
+    (
+        "without must be a list of ids",
+        lambda: clspeckle.diagnose(capture_named("dark"), without="prnu"),
+        lambda: clspeckle.diagnose(capture_named("dark"), without=["prnu"], null_replicates=12),
+    ),
+]
+
+
+def capture_named(name: str, scene: str | None = None) -> clspeckle.Capture:
+    codes = np.random.default_rng(1).integers(64, 80, (3, 16, 16), dtype=np.uint16)
+    given: Any = codes if scene is None else clspeckle.CaptureSequence(codes, scene=scene)
+    numbers = {"bits": 10, "pixel_pitch_m": 2.9e-6, "f_number": 5.6, "wavelength_m": 940e-9}
+    return clspeckle.Capture.from_arrays({name: given}, camera={**numbers, "black_level_dn": 64, "read_noise_dn": 3})
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(PACKAGE))
+def test_the_package(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+def test_what_belongs_to_a_process_goes_another_way(tmp_path: Path) -> None:
+    """A phase by its state, an image by its pixels, a capture by its folder."""
+    first, image, capture = phase(), clspeckle.DeviceImage.from_array(ONES), capture_named("dark")
+    for made, says in (
+        (first, "save() gives its state as an array, restore() takes it in the process that uses it"),
+        (aperture(), "make it in the process that uses it"),
+        (camera(), "make it in the process that uses it; phase.save() gives the state of the speckle"),
+        (image, "read() gives its content"),
+        (capture, "write it to a folder and open that"),
+    ):
+        with pytest.raises(TypeError, match=re.escape(says)):
+            pickle.dumps(made)
+    other = phase(refreshed=False)
+    other.restore(pickle.loads(pickle.dumps(first.save())))
+    np.testing.assert_array_equal(other.field(), first.field())
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(image.read())), ONES)
+    capture.write(tmp_path / "set")
+    assert clspeckle.Capture.open(tmp_path / "set").shape == capture.shape
+
+
+# --- More that only C can ask for ---
+
+
+def frames_of(count: int, size: int = 0) -> None:
+    made, array = camera(), (_library.ClspFrame * 2)()
+    images = [clspeckle.DeviceImage.from_array(ONES), clspeckle.DeviceImage(SHAPE, np.uint16)]
+    images.append(clspeckle.DeviceImage(SHAPE, np.uint16))
+    for index, entry in enumerate(array):
+        _library.call("clspFrameInit", ctypes.byref(entry), ctypes.sizeof(entry))
+        entry.irradiance, entry.output, entry.frame_index = images[0].struct(), images[1 + index].struct(), index
+    if size:
+        array[0].struct_size = size
+    queue = clspeckle.Queue()
+    _library.call("clspPipelineEnqueueFrames", made._get(), queue._get(), count, array, 0, None, None)
+    queue.finish()
+
+
+def material_table(size: int) -> None:
+    array, made = (_library.ClspMaterial * 2)(), ctypes.c_void_p()
+    for entry in array:
+        _library.call("clspMaterialInit", ctypes.byref(entry), ctypes.sizeof(entry))
+    array[1].struct_size = size or array[1].struct_size
+    context = clspeckle.default_context()._get()
+    _library.call("clspMaterialTableCreate", context, array, 2, ctypes.byref(made))
+    _library.release("clspMaterialTableRelease", made.value or 0)
+
+
+def sized(size: int) -> None:
+    desc, made = _library.initialized(_library.ClspSensorDesc), ctypes.c_void_p()
+    desc.width, desc.height = SHAPE[::-1]
+    desc.struct_size = size or desc.struct_size
+    context = clspeckle.default_context()._get()
+    _library.call("clspSensorCreate", context, ctypes.byref(desc), ctypes.byref(made))
+    _library.release("clspSensorRelease", made.value or 0)
+
+
+def free_layout(orders: bool) -> None:
+    desc = _library.initialized(_library.ClspDotLayoutDesc)
+    desc.count, desc.lattice = 20, 0
+    _library.call(
+        "clspDotLayoutCreate",
+        ctypes.byref(desc),
+        (ctypes.c_double * 40)(),
+        (ctypes.c_int32 * 40)() if orders else None,
+        None,
+    )
+
+
+def described(given: int) -> None:
+    desc, made = _library.initialized(_library.ClspCaptureDesc), ctypes.c_void_p()
+    desc.width, desc.height, desc.bits = 16, 16, 10
+    desc.pixel_pitch_m, desc.f_number, desc.wavelength_m = 2.9e-6, 5.6, 940e-9
+    desc.principal_point_x_px, desc.principal_point_given = 5.0, given
+    _library.call("clspCaptureCreate", ctypes.byref(desc), ctypes.byref(made))
+    _library.release("clspCaptureRelease", made.value or 0)
+
+
+def waited(count: int) -> None:
+    event = phase().enqueue_refresh(1)
+    _library.call("clspEventWait", count, (ctypes.c_void_p * 1)(event.int_ptr))
+
+
+OF_C: list[Case] = [
+    ("count is 0; give at least one frame", lambda: frames_of(0), lambda: frames_of(2)),
+    (
+        "it must be a multiple of 8; call clspFrameInit() on each element",
+        lambda: frames_of(1, 145),
+        lambda: frames_of(1),
+    ),
+    (
+        "call clspFrameInit() on each element",
+        lambda: frames_of(2, ctypes.sizeof(_library.ClspFrame) - 8),
+        lambda: frames_of(2),
+    ),
+    ("fill every entry by clspMaterialInit()", lambda: material_table(1000), lambda: material_table(0)),
+    ("set it by the struct's Init function or to sizeof", lambda: sized(4), lambda: sized(0)),
+    ("free directions are no orders; pass NULL", lambda: free_layout(True), lambda: free_layout(False)),
+    (
+        "but desc->principal_point_given is 0; set it to 1, or leave the point at 0",
+        lambda: described(0),
+        lambda: described(1),
+    ),
+    ("num_events is 0 or events is NULL; give at least one event", lambda: waited(0), lambda: waited(1)),
+]
+
+
+@pytest.mark.parametrize(("says", "bad", "good"), named(OF_C))
+def test_the_c_interface(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
+    follow(says, bad, good)
+
+
+def test_one_device_of_several(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PoCL makes one device of those of a context: another one is told to have two."""
+    opencl = cl.create_some_context(interactive=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(_interop, "handle", lambda *_: opencl.int_ptr)
+        patch.setattr(_interop, "is_pyopencl", lambda *_: True)
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match="has 2 devices; say which one with device="):
+            clspeckle.Context.from_opencl(types.SimpleNamespace(devices=[opencl.devices[0]] * 2))
+    clspeckle.Context.from_opencl(opencl, device=opencl.devices[0]).close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +165,10 @@ def test_other_cameras_are_refused(path: Path, context: clspeckle.Context) -> No
 
 
 def test_files(path: Path) -> None:
+    with pytest.raises(TypeError, match="write it to a file and open that"):
+        pickle.dumps(clspeckle.Profile.open(path))
+    clspeckle.Profile.open(path).write(path.with_name("copy.json"))
+    assert clspeckle.Profile.open(path.with_name("copy.json")).shape == SHAPE
     path.write_text(path.read_text().replace("row_noise", "row_nose"))
     with pytest.raises(errors.InvalidArgumentError, match='/effects/0/effect is "row_nose"'):
         clspeckle.Profile.open(path)

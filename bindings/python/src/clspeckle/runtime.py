@@ -850,7 +850,8 @@ class DeviceImage:
         if pitch is None:
             raise errors.InvalidFormatError(
                 f"the pyopencl array of shape {shape} and dtype {dtype} has strides {tuple(strides)}; the pixels of a "
-                "row must lie next to each other and the rows below each other (use array.copy())"
+                "row must lie next to each other and the rows below each other: use "
+                "DeviceImage.from_array(numpy.ascontiguousarray(array.map_to_host()))"
             )
         memory_pointer(array.base_data, "the pyopencl array's memory")
         self._set_up(array.base_data, shape, dtype, pixel, int(array.offset), pitch, context)
