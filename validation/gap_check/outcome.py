@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .effects import EFFECTS
+from .json_file import read_json
 from .runner import CheckSet, key_kind, read_report
 
 VERDICTS = ("none", "named", "ambiguous", "unknown")
@@ -159,7 +159,7 @@ def read_outcomes(sets: list[CheckSet], reports: Path) -> tuple[list[Outcome], l
 
 def _read_run(path: Path) -> dict[str, Any]:
     try:
-        run = json.loads(path.read_text())
+        run = read_json(path)
     except (OSError, ValueError):
         return {}
     return run if isinstance(run, dict) else {}

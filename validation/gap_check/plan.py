@@ -13,6 +13,7 @@ from .camera import LONG_DARK, SEQUENCES, Camera, Sequence, draw_camera, stream
 from .conditions import EVEN, draw_conditions
 from .effects import CATALOGUE, EFFECTS, OUTSIDE, Effects, on_camera
 from .generator import write_capture
+from .json_file import read_object
 from .readings import AS_CATALOGUED, CHOICES, Readings, draw_readings
 
 # The kinds of sets: (a) null, (b) single, replica (single, the same set drawn again), level (single, at given
@@ -134,7 +135,7 @@ def load_plan(name: str) -> Plan:
     path = Path(name)
     if not path.is_file():
         raise ValueError(f"plan {name!r} is neither one of {', '.join(PLANS)} nor a file")
-    members: dict[str, Any] = json.loads(path.read_text())
+    members = read_object(path)
     base = asdict(PLANS[members.pop("base")]) if "base" in members else {"name": path.stem}
     unknown = members.keys() - {f.name for f in fields(Plan)}
     if unknown:

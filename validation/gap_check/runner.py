@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from .json_file import read_json, read_object
 from .plan import draw_sets, load_plan, set_name, write_drawn
 
 DEFAULT_COMMAND = "clspeckle diagnose"
@@ -71,10 +72,10 @@ def find_sets(folder: Path) -> list[CheckSet]:
     for path in sorted((folder / "keys").glob("*.json")):
         capture = folder / "captures" / path.stem
         if (capture / "capture.json").is_file() or path.stem in drawn:
-            sets.append(CheckSet(path.stem, capture, json.loads(path.read_text()), drawn.get(path.stem)))
+            sets.append(CheckSet(path.stem, capture, read_object(path), drawn.get(path.stem)))
     for path in sorted(folder.glob("*/key.json")):
         if (path.parent / "capture.json").is_file():
-            sets.append(CheckSet(path.parent.name, path.parent, json.loads(path.read_text())))
+            sets.append(CheckSet(path.parent.name, path.parent, read_object(path)))
     if not sets:
         raise ValueError(f"{folder} holds no capture sets with keys; `python -m gap_check generate` writes them")
     return sets
@@ -120,7 +121,7 @@ def command_line(command: str, capture: Path, report: Path, without: Iterable[st
 def read_report(path: Path) -> dict[str, Any] | None:
     """A report, or None if there is none that is whole."""
     try:
-        report = json.loads(path.read_text())
+        report = read_json(path)
     except (OSError, ValueError):
         return None
     return report if isinstance(report, dict) and "cause" in report else None

@@ -51,7 +51,7 @@ def test_round_trip(tmp_path: Path) -> None:
         ('{"pixel_pitch_m": 1e-6, "pixel_pitch_m": 2e-6}', "given twice"),
         ('{"pixel_pitch_m": NaN, "wavelength_m": 1e-6}', "no JSON number"),
         ("{" + ", ".join(f'"{key}": 1' for key in [*range(100000), 7]) + "}", '"7" is given twice'),
-        ("[" * 80000, "nested too deep"),
+        ("[" * 80000, "nested more than 100 levels"),
         ("[]", "an object"),
         ("{", "no DOE design"),
     ],

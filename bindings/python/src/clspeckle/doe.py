@@ -9,7 +9,6 @@ Equations and defects: ``doe.h``; thesis sections 2.6 and 3.3.
 
 from __future__ import annotations
 
-import collections
 import contextlib
 import ctypes
 import dataclasses
@@ -23,7 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _library, errors
+from . import _check, _json_file, _library, errors
 from ._handle import Handle, create
 from ._progress import Call, Progress
 from .pattern import Pattern
@@ -114,14 +113,9 @@ class DoeElement:
         stem = name[:-4] if name.endswith(".npy") else name
         try:
             phase = np.load(stem + ".npy", allow_pickle=False)
-            with open(stem + ".json", encoding="utf-8") as file:
-                about = json.load(file, object_pairs_hook=_without_double_keys, parse_constant=_no_constant)
+            about = _json_file.read_json(stem + ".json")
         except OSError as error:
             raise errors.InputOutputError(f"{stem}.npy with {stem}.json cannot be read: {error}") from error
-        except RecursionError as error:
-            raise errors.InvalidDataError(
-                f"{stem}.npy with {stem}.json is no DOE design: the JSON is nested too deep"
-            ) from error
         except (EOFError, ValueError) as error:
             raise errors.InvalidDataError(f"{stem}.npy with {stem}.json is no DOE design: {error}") from error
         try:
@@ -174,19 +168,6 @@ def _unfinished(path: str) -> Iterator[BinaryIO]:
         finally:
             if os.path.exists(name):
                 os.remove(name)
-
-
-def _without_double_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """JSON leaves open which of two equal keys counts, so neither is taken."""
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        twice = collections.Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ValueError(f'the key "{twice}" is given twice; keep one of them')
-    return result
-
-
-def _no_constant(word: str) -> None:
-    raise ValueError(f"{word} is no JSON number")
 
 
 def _stored(phase: npt.NDArray[Any], about: Any) -> DoeElement:

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, Callable, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .. import errors
+from .. import _json_file, errors
 from .recipe import Draw, Pair, Recipe, npy_bytes
 
 AddPair = Callable[[Pair], None]
@@ -88,6 +88,13 @@ class Format(Protocol):
     def reader(self, folder: Path, description: dict[str, Any]) -> Reader: ...
 
 
+def _not_whole(place: int, path: Path) -> errors.InvalidDataError:
+    return errors.InvalidDataError(
+        f"pair {place}: {path} does not hold it whole; remove that file, and let clspeckle.dataset.write() make it "
+        "again"
+    )
+
+
 def _label(draw: Draw) -> bytes:
     return (json.dumps(dataclasses.asdict(draw)) + "\n").encode()
 
@@ -138,6 +145,15 @@ class _ArchiveReader:
         number = place // self.description["shard_size"]
         with_ideal = self.description["with_ideal"]
         (path,) = _WebDataset().files(self.folder, number, with_ideal)
+        try:
+            loaded = self._load(path, place, number, with_ideal)
+            if loaded[0].index != place:
+                raise ValueError("another pair")
+            return loaded
+        except (tarfile.TarError, EOFError, ValueError, TypeError, KeyError):
+            raise _not_whole(place, path) from None
+
+    def _load(self, path: Path, place: int, number: int, with_ideal: bool) -> Loaded:
         if number not in self._offsets:
             with tarfile.open(path) as archive:
                 self._offsets[number] = {m.name: (m.offset_data, m.size) for m in archive}
@@ -151,7 +167,7 @@ class _ArchiveReader:
         with path.open("rb") as file:
             kinds = ["codes", *(["ideal"] if with_ideal else [])]
             images = [np.load(io.BytesIO(load(f"{kind}.npy")), allow_pickle=False) for kind in kinds]
-            return Draw(**json.loads(load("json"))), images[0], images[1] if with_ideal else None
+            return Draw(**_json_file.parse_json(load("json"))), images[0], images[1] if with_ideal else None
 
 
 def _crc_table() -> list[int]:
@@ -272,7 +288,7 @@ class _ZarrReader:
     def __init__(self, folder: Path, description: dict[str, Any]) -> None:
         self.folder, self.description = folder, description
         try:
-            about = json.loads((folder / "codes" / "zarr.json").read_text(encoding="utf-8"))
+            about = _json_file.read_json(folder / "codes" / "zarr.json")
             self.shape = tuple(about["shape"][1:])
         except (OSError, ValueError, KeyError) as error:
             raise errors.InvalidArgumentError(
@@ -288,7 +304,7 @@ class _ZarrReader:
             try:
                 offset, chunk = self._chunk(path, size - entry)
                 if name == "labels":
-                    found[name] = Draw(**json.loads(chunk[8:]))
+                    found[name] = Draw(**_json_file.parse_json(chunk[8:]))
                     right = found[name].index == place
                 else:
                     found[name] = np.frombuffer(chunk, _DTYPES[name]).reshape(self.shape).copy()
@@ -296,10 +312,7 @@ class _ZarrReader:
                 if not right:
                     raise ValueError("another pair")
             except (ValueError, TypeError, struct.error):
-                raise errors.InvalidDataError(
-                    f"pair {place}: {path} does not hold it whole; remove that file, and let "
-                    "clspeckle.dataset.write() make it again"
-                ) from None
+                raise _not_whole(place, path) from None
         return found["labels"], found["codes"], found.get("ideal")
 
     def _chunk(self, path: Path, from_end: int) -> tuple[int, bytes]:

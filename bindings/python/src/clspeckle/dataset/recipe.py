@@ -6,7 +6,6 @@ import dataclasses
 import glob
 import hashlib
 import io
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
-from .. import _check, errors
+from .. import _check, _json_file, errors
 from ..effect import effects as catalogue
 from ..effect import find_effect
 from ..pipeline import Pipeline, PipelineParameters
@@ -238,7 +237,7 @@ class Recipe:
         """
         path = Path(path)
         try:
-            given = json.loads(path.read_text(encoding="utf-8"))
+            given = _json_file.read_json(path)
         except (OSError, ValueError) as error:
             raise errors.InvalidArgumentError(f"{path}: {error}") from None
         if not isinstance(given, dict):

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional
 
-from .. import _check, errors
+from .. import _check, _json_file, errors
 from .formats import FORMATS, shard_name, sweep, whole
 from .recipe import Pair, Recipe
 
@@ -26,6 +26,7 @@ _log = logging.getLogger("clspeckle")
 Progress = Callable[[int, int], Optional[bool]]
 _DESCRIPTION = "dataset.json"
 _LOCK = ".lock"
+_PAIRS_END = 10**9
 
 
 def _lock(folder: Path) -> int:
@@ -127,14 +128,18 @@ def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_id
 def _description(folder: Path) -> dict[str, Any]:
     path = folder / _DESCRIPTION
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
+        given = _json_file.read_json(path)
     except (OSError, ValueError) as error:
         raise errors.InvalidArgumentError(f"{path}: {error}; expected what clspeckle.dataset.write() makes") from None
     if (
         not isinstance(given, dict)
         or given.get("format") != "clspeckle-dataset"
         or given.get("version") != 1
-        or given.get("shard_format", "webdataset") not in FORMATS
+        or given.get("shard_format", "webdataset") not in list(FORMATS)
+        or type(given.get("with_ideal")) is not bool
+        or not isinstance(given.get("recipe"), dict)
+        or not all(type(given.get(key)) is int and given[key] > 0 for key in ("count", "shard_size"))
+        or given["count"] >= _PAIRS_END
     ):
         raise errors.InvalidArgumentError(f"{path}: is no description of a set that this version reads")
     return given
@@ -186,7 +191,8 @@ def write(
     count = _check.integer(count, "count", 32)
     shard_size = _check.integer(shard_size, "shard_size", 32)
     workers = _check.integer(workers, "workers", 16)
-    if not 0 < count < 10**9 or shard_size == 0 or workers == 0:
+    with_ideal = bool(_check.flag(with_ideal, "with_ideal"))
+    if not 0 < count < _PAIRS_END or shard_size == 0 or workers == 0:
         raise errors.InvalidArgumentError(
             f"count is {count}, shard_size {shard_size}, workers {workers}; expected at least 1 of each, and fewer "
             "than 10^9 pairs"
