@@ -158,6 +158,7 @@ CLSP_API ClspStatus clspSensorEnqueueExpose(ClspSensor sensor, cl_command_queue 
         const ImageView out = s->check_output(description(output, "output"));
         enqueue(*s->context(), queue, num_events_in_wait_list, event_wait_list, event,
                 [&](CommandChain &chain) { s->enqueue_expose(chain, in, frame_index, out); });
+        s->keep_frame();
     });
 }
 

@@ -14,11 +14,11 @@
 #include <cerrno>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <mutex>
-#include <set>
 #include <string_view>
 #include <system_error>
-#include <tuple>
+#include <utility>
 
 namespace image_io {
 namespace {
@@ -55,9 +55,10 @@ std::string folder_of(const std::string &path) {
     return slash == std::string::npos ? "" : path.substr(0, slash + 1);
 }
 
-/** Removes a folder that holds files alone. */
-void remove_folder(int parent, const char *name) noexcept {
-    const int descriptor = ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+/** Removes a folder that holds files alone. @param descriptor of it, which is closed; -1: it is opened. */
+void remove_folder(int parent, const char *name, int descriptor = -1) noexcept {
+    if (descriptor < 0)
+        descriptor = ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (descriptor < 0)
         return;
     if (DIR *folder = ::fdopendir(descriptor)) {
@@ -91,30 +92,44 @@ void sweep(DIR *folder) noexcept {
     }
 }
 
+/** So many folders are remembered: the memory of a long run does not grow with those that it has written to. */
+constexpr std::size_t most_swept = 64;
+
+/** Notes what a path leads to. @return whether that is another folder than before. */
+bool is_new(std::map<std::string, std::pair<dev_t, ino_t>> &known, const std::string &path, std::pair<dev_t, ino_t> place) {
+    const auto found = known.find(path);
+    if (found != known.end())
+        return std::exchange(found->second, place) != place;
+    if (known.size() == most_swept)
+        known.clear();
+    known.emplace(path, place);
+    return true;
+}
+
 /** Once for each folder: a program that writes many files looks through it once. */
 void sweep_once(const std::string &path) {
     static std::mutex mutex;
-    static std::set<std::tuple<std::string, dev_t, ino_t>> swept; // numbers are given out again
-    const int descriptor = ::open(path.empty() ? "." : path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    static std::map<std::string, std::pair<dev_t, ino_t>> swept; // numbers are given out again
+    const char *name = path.empty() ? "." : path.c_str();
     struct stat status {};
-    if (descriptor < 0)
-        return;
     const std::lock_guard<std::mutex> lock(mutex);
-    DIR *folder = nullptr;
-    if (::fstat(descriptor, &status) != 0 || !swept.emplace(path, status.st_dev, status.st_ino).second ||
-        !(folder = ::fdopendir(descriptor))) {
-        ::close(descriptor);
+    if (::stat(name, &status) != 0 || !is_new(swept, path, {status.st_dev, status.st_ino}))
         return;
+    if (DIR *folder = ::opendir(name)) {
+        sweep(folder);
+        ::closedir(folder);
     }
-    sweep(folder);
-    ::closedir(folder);
 }
 
 } // namespace
 
-TemporaryLock::~TemporaryLock() {
+void TemporaryLock::end() noexcept {
     if (descriptor_ >= 0)
-        ::close(descriptor_);
+        ::close(release());
+}
+
+int TemporaryLock::release() noexcept {
+    return std::exchange(descriptor_, -1);
 }
 
 bool TemporaryLock::take(int descriptor) {
@@ -122,12 +137,13 @@ bool TemporaryLock::take(int descriptor) {
     // Where a file system has no locks, others cannot lock it either: nothing is swept there.
     while (::flock(descriptor, LOCK_EX) != 0 && errno == EINTR) {
     }
-    if (::fstat(descriptor, &status) != 0 || status.st_nlink == 0) {
-        ::close(descriptor);
-        return false;
-    }
     descriptor_ = descriptor;
-    return true;
+    if (::fstat(descriptor, &status) != 0)
+        fail();
+    if (status.st_nlink > 0)
+        return true;
+    end();
+    return false;
 }
 
 std::string make_temporary_file(const std::string &path, TemporaryLock &lock, int &descriptor) {
@@ -135,7 +151,9 @@ std::string make_temporary_file(const std::string &path, TemporaryLock &lock, in
     std::string extension = std::filesystem::path(path).extension().string();
     if (extension.size() > 16)
         extension.clear();
-    sweep_once(folder);
+    // A temporary folder is this program's own.
+    if (!is_temporary(std::filesystem::path(path).parent_path().filename().string()))
+        sweep_once(folder);
     for (;;) {
         const std::string name = folder + random_name() + extension;
         descriptor = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
@@ -144,16 +162,17 @@ std::string make_temporary_file(const std::string &path, TemporaryLock &lock, in
                 continue;
             fail();
         }
-        const int second = ::fcntl(descriptor, F_DUPFD_CLOEXEC, 0); // of one lock
-        if (second < 0) {
-            const int code = errno;
+        try {
+            const int second = ::fcntl(descriptor, F_DUPFD_CLOEXEC, 0); // of one lock
+            if (second < 0)
+                fail();
+            if (lock.take(second))
+                return name;
+        } catch (...) {
             ::close(descriptor);
             ::unlink(name.c_str());
-            errno = code;
-            fail();
+            throw;
         }
-        if (lock.take(second))
-            return name;
         ::close(descriptor);
     }
 }
@@ -169,21 +188,22 @@ std::string make_temporary_folder(const std::string &path, TemporaryLock &lock) 
             fail();
         }
         const int descriptor = ::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-        if (descriptor < 0) {
-            const int code = errno;
-            if (code == ENOENT) // swept
-                continue;
+        if (descriptor < 0 && errno == ENOENT) // swept
+            continue;
+        try {
+            if (descriptor < 0)
+                fail();
+            if (lock.take(descriptor))
+                return name;
+        } catch (...) {
             ::rmdir(name.c_str());
-            errno = code;
-            fail();
+            throw;
         }
-        if (lock.take(descriptor))
-            return name;
     }
 }
 
-void remove_temporary_folder(const std::string &path) noexcept {
-    remove_folder(AT_FDCWD, path.c_str());
+void remove_temporary_folder(const std::string &path, TemporaryLock &lock) noexcept {
+    remove_folder(AT_FDCWD, path.c_str(), lock.release());
 }
 
 } // namespace image_io

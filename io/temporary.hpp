@@ -14,11 +14,14 @@ namespace image_io {
 class TemporaryLock {
   public:
     TemporaryLock() = default;
-    ~TemporaryLock();
+    ~TemporaryLock() { end(); }
     TemporaryLock(const TemporaryLock &) = delete;
     TemporaryLock &operator=(const TemporaryLock &) = delete;
     /** @param descriptor is taken over. False: it has been swept away before it was locked. */
     bool take(int descriptor);
+    /** What was taken over, which is the caller's from now on; -1: nothing. */
+    int release() noexcept;
+    void end() noexcept;
 
   private:
     int descriptor_ = -1;
@@ -30,8 +33,9 @@ std::string make_temporary_file(const std::string &path, TemporaryLock &lock, in
 /** Makes an empty folder beside `path`. @return its name. Throws std::system_error. */
 std::string make_temporary_folder(const std::string &path, TemporaryLock &lock);
 
-/** Removes a folder that make_temporary_folder() made, or that took its place, and the files in it. */
-void remove_temporary_folder(const std::string &path) noexcept;
+/** Removes a folder that make_temporary_folder() made, and the files in it. @param lock its own, which ends: with it nothing need be
+ * opened, which may be what has failed. An empty one stands for a folder that took the other's place. */
+void remove_temporary_folder(const std::string &path, TemporaryLock &lock) noexcept;
 
 } // namespace image_io
 

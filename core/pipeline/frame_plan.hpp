@@ -185,12 +185,6 @@ inline Moves moves_on(const AdvancePhase &) {
 inline Moves moves_on(const AdvanceAir &) {
     return Moves::kFirst;
 }
-inline Moves moves_on(const Image &step) {
-    return step.exposure.exposed && step.exposure.exposed->sensor->lags() ? Moves::kLast : Moves::kNothing;
-}
-inline Moves moves_on(const Expose &step) {
-    return step.sensor->lags() ? Moves::kLast : Moves::kNothing;
-}
 
 } // namespace frame_step
 

@@ -658,7 +658,10 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::
             throw Error(Status::kInvalidState,
                         "an earlier frame failed after it had begun to move surface, air or lag, so that a frame now would "
                         "be neither the same nor the next; begin anew with a frame that refreshes all");
-        forget_frames();
+        if (airflow_)
+            airflow_->reset();
+        if (lag_lost_ && stages_.sensor)
+            stages_.sensor->reset_lag();
     }
     context_->check_queue(queue);
     check_wait_list(context_->cl_context()(), num_waits, waits);
@@ -683,13 +686,19 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::
         for (std::size_t i = 0; i < count; ++i) {
             next_profile_.entries.clear();
             plans_[i].enqueue(chain, moved);
-            if (i + 1 == count)
+            if (i + 1 == count) {
                 chain.finish(event);
+            } else if (stages_.sensor && stages_.sensor->lags()) {
+                // Two frames after a frame the sensor has it no longer.
+                lag_lost_ = moved = true;
+            }
+            if (stages_.sensor)
+                stages_.sensor->keep_frame();
             // Only now is it the last frame: a refused one leaves the times of the one before.
             std::swap(profile_, next_profile_);
             has_frame_ = true;
         }
-        half_moved_ = false;
+        half_moved_ = lag_lost_ = false;
     } catch (...) {
         half_moved_ = half_moved_ || moved;
         throw;
@@ -712,13 +721,14 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
     check_opencl(clFinish(queue), "clFinish");
     const bool half_moved = half_moved_;
     const auto restore = [&] {
-        half_moved_ = true; // until it is done
+        half_moved_ = lag_lost_ = true; // until it is done
         CommandChain chain(queue, 0, nullptr);
         phase.enqueue_restore(chain, saved.get()(), 0);
         phase.set_epoch(epoch);
         check_opencl(clFinish(queue), "clFinish");
         forget_frames();
         half_moved_ = half_moved;
+        lag_lost_ = false;
     };
     try {
         enqueue_frame(queue, frame, 0, nullptr, nullptr);
@@ -733,7 +743,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
 void Pipeline::forget() {
     stages_.phase->forget();
     forget_frames();
-    half_moved_ = false;
+    half_moved_ = lag_lost_ = false;
 }
 
 void Pipeline::forget_frames() {

@@ -173,6 +173,7 @@ class Pipeline {
     ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;
     bool half_moved_ = false; // a frame failed after it had begun to move what later frames begin with
+    bool lag_lost_ = false;   // that was the sensor's lag, too
 };
 
 } // namespace clsp

@@ -85,6 +85,8 @@ std::shared_ptr<Context> Context::create(const ContextParameters &parameters) {
         try {
             devices = context->context_.getInfo<CL_CONTEXT_DEVICES>();
         } catch (const cl::Error &error) {
+            if (error.err() != CL_INVALID_CONTEXT)
+                throw; // the device's fault
             throw Error(Status::kInvalidArgument, "cl_context_handle is not a valid cl_context", error.err());
         }
         const auto is_ours = [&](const cl::Device &device) { return device() == parameters.host_device; };

@@ -205,7 +205,7 @@ Sensor::Sensor(std::shared_ptr<Context> context, const SensorParameters &p)
     parameters_.gain_map_pitch_bytes = 0;
     make_fixed_pattern();
     if (p.lag_fraction > 0.0)
-        lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * sizeof(float));
+        lag_state_ = DeviceBuffer(context_, std::size_t{p.width} * p.height * 2 * sizeof(float));
     in_lanes_ = clsp::works_in_lanes(*context_);
     make_switches();
 }
@@ -350,7 +350,13 @@ void Sensor::enqueue_expose(CommandChain &chain, const ImageView &intensity, std
         chain.run("sensor", kernel, (quarter + 1) / 2, 1, 1, 1);
     else
         chain.run("sensor", kernel, p.width, quarter);
-    exposed();
+}
+
+void Sensor::keep_frame() {
+    if (!lags())
+        return;
+    lag_started_ = true;
+    lag_second_ = !lag_second_;
 }
 
 // The largest number that occurs.
@@ -368,7 +374,7 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
     c.switches = on(p.read_noise_dn > 0.0, kSensorReadNoise) | on(p.shot_noise, kSensorShotNoise) |
                  on(p.row_noise_dn > 0.0, kSensorRowNoise) | on(p.column_noise_dn > 0.0, kSensorColumnNoise) |
                  on(has_mosaic(p), kSensorMosaic) | on(p.gamma != 1.0, kSensorGamma) |
-                 on(!lag_started_, kSensorLagFirst) |
+                 on(!lag_started_, kSensorLagFirst) | on(lag_second_, kSensorLagSecond) |
                  on(p.quantize || output.format != Format::kFloat32, kSensorQuantize) |
                  on(p.crosstalk_fraction > 0.0, kSensorCrosstalk) |
                  on(p.cubic_nonlinearity != 0.0, kSensorCubic) | on(has_telegraph_noise(p), kSensorTelegraph);

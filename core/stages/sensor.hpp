@@ -40,8 +40,11 @@ class Sensor {
     // Checks an output image against this sensor, and makes ready for its format.
     // in_last_pass: the frame is an aperture engine's, and needs no kernel of the sensor's own.
     ImageView check_output(const ImageDescription &output, bool in_last_pass = false);
+    // To be followed by keep_frame().
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
+    // All commands of a frame are enqueued: the next one has it before it. Without this, a frame is as if it had not been.
+    void keep_frame();
     // Whether each pixel's intensity alone makes its code, so that other kernels can include kernels/stages/sensor_lanes.h or
     // stages/sensor_pixel.h.
     bool exposes_pixels() const { return parameters_.crosstalk_fraction == 0.0; }
@@ -49,8 +52,6 @@ class Sensor {
     std::string pixel_options(Format output) const;
     // SENSOR_PARAMETERS of kernels/stages/sensor_camera.h, for a kernel that makes the next frame.
     void add_arguments(KernelArguments &arguments, std::uint64_t frame_index, const ImageView &output) const;
-    // That kernel is enqueued: the next frame has one before it.
-    void exposed() { lag_started_ = bool(lag_state_); }
     void enqueue_demosaic(CommandChain &chain, const ImageView &raw, Bayer bayer, const ImageView &rgb);
 
   private:
@@ -63,7 +64,7 @@ class Sensor {
     SensorParameters parameters_;
     std::vector<float> dark_frame_, gain_map_;                                 // tightly packed; empty without one
     DeviceBuffer offset_, response_, pixel_gain_, read_noise_map_, lag_state_; // what is off is empty
-    bool lag_started_ = false;
+    bool lag_started_ = false, lag_second_ = false; // lag_second_: the frame before is in the second half of lag_state_
     bool in_lanes_ = false;
     std::string switches_; // of stages/sensor_pixel.h, but for what depends on the output's format
     std::map<Format, cl::Kernel> kernels_;          // by output format

@@ -18,6 +18,7 @@ enum SensorSwitch : cl_uint {
     kSensorCrosstalk = 256,
     kSensorCubic = 512,
     kSensorTelegraph = 1024,
+    kSensorLagSecond = 2048,
 };
 
 // The same members as sensor_t there.

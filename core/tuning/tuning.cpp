@@ -394,6 +394,8 @@ Tuning tune(const std::shared_ptr<Context> &context, const TuneParameters &p) {
             file = load_tuning(tuning.path);
         } catch (const Error &error) {
             // A file that somebody names may be something else altogether.
+            if (!p.path.empty() && error.status() == Status::kIo)
+                throw Error(Status::kIo, fmt::format("{} cannot be read: {}", p.path, error.what()));
             if (!p.path.empty())
                 throw Error(Status::kInvalidData,
                             fmt::format("{} exists and is no tuning record ({}); name another file, "

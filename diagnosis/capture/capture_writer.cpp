@@ -53,7 +53,7 @@ class TemporaryFolder {
     }
     ~TemporaryFolder() {
         if (!path_.empty())
-            image_io::remove_temporary_folder(path_);
+            image_io::remove_temporary_folder(path_, lock_);
     }
     TemporaryFolder(const TemporaryFolder &) = delete;
     TemporaryFolder &operator=(const TemporaryFolder &) = delete;
@@ -64,8 +64,10 @@ class TemporaryFolder {
         std::error_code code;
         fs::path old;
         // At once, where the file system can: the old one is behind the temporary name then.
-        if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0)
+        if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) {
+            lock_.end(); // it is that of the folder in place, which stays
             return;
+        }
         if (fs::exists(folder, code)) {
             const fs::path name(path_);
             old = name.parent_path() / ("old" + name.filename().string()); // which nobody sweeps away
@@ -81,6 +83,7 @@ class TemporaryFolder {
             fail(folder, code);
         }
         path_ = old.string();
+        lock_.end();
     }
 
   private:

@@ -258,6 +258,7 @@ struct FinishedFrames::Implementation {
                             context->cl_context()(), {layout.width, layout.height}, {Format::kFloat32});
             CommandChain chain(queue(), 0, nullptr);
             sensor.enqueue_expose(chain, in, frame_number(sequence, t), out);
+            sensor.keep_frame();
             download(image.get(), result[t]);
         }
         return result;

@@ -125,6 +125,7 @@ void SensorSide::enqueue_expose(cl_command_queue queue, const SequenceModel &mod
         const ImageView out =
             sensor_->check_output({codes_.get()(), frame * pixels_ * sizeof(cl_ushort), 0, w, h, Format::kUint16});
         sensor_->enqueue_expose(chain, in, frame_number(sequence, frame), out);
+        sensor_->keep_frame();
     }
 }
 

@@ -25,6 +25,7 @@ typedef float output_t;
 #define SENSOR_CROSSTALK 256u
 #define SENSOR_CUBIC 512u
 #define SENSOR_TELEGRAPH 1024u
+#define SENSOR_LAG_SECOND 2048u
 
 // The same members as SensorConstants there, of four bytes each.
 typedef struct {
@@ -51,5 +52,14 @@ typedef struct {
     __global output_t *output;
     uint output_pitch;
 } camera_t;
+
+// lag_state has two halves: what is read of the frame before, and where this one leaves what the next reads. A frame that is made again
+// finds the same.
+static inline __global const float *lag_before(const camera_t *c) {
+    return c->lag_state + (c->s.switches & SENSOR_LAG_SECOND ? (ulong)c->s.width * c->s.height : 0);
+}
+static inline __global float *lag_after(const camera_t *c) {
+    return c->lag_state + (c->s.switches & SENSOR_LAG_SECOND ? 0 : (ulong)c->s.width * c->s.height);
+}
 
 #endif

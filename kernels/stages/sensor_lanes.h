@@ -288,8 +288,8 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
     value = smaller(value, SPREAD(s->saturation));
     if (c->lag_state) {
         if (!(switches & SENSOR_LAG_FIRST))
-            value = fma(SPREAD(s->lag), load_some(c->lag_state + i, count), (1.0f - s->lag) * value);
-        store_some(value, c->lag_state + i, count);
+            value = fma(SPREAD(s->lag), load_some(lag_before(c) + i, count), (1.0f - s->lag) * value);
+        store_some(value, lag_after(c) + i, count);
     }
     if (switches & SENSOR_CUBIC) {
         const lanes_f part = smaller(value * s->gamma_scale, SPREAD(1.0f));

@@ -105,8 +105,8 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
 #endif
     value = fmin(value, s->saturation);
 #if LAG
-    value = (s->switches & SENSOR_LAG_FIRST) ? value : fma(s->lag, c->lag_state[i], (1.0f - s->lag) * value);
-    c->lag_state[i] = value;
+    value = (s->switches & SENSOR_LAG_FIRST) ? value : fma(s->lag, lag_before(c)[i], (1.0f - s->lag) * value);
+    lag_after(c)[i] = value;
 #endif
 #if CUBIC
     // What the converter clips bends no further.

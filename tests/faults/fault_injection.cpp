@@ -2,11 +2,14 @@
 
 #include <CL/cl.h>
 #include <CL/cl_icd.h>
+#include <clFFT.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdarg>
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -16,7 +19,9 @@
 #include <new>
 #include <pthread.h>
 #include <string>
+#include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <type_traits>
 #include <unistd.h>
@@ -31,7 +36,7 @@ std::uint64_t g_n = 0;
 bool g_lasting = false;
 std::atomic<std::uint64_t> g_calls{0};
 std::atomic<const char *> g_failed{nullptr};
-std::atomic<std::int64_t> g_live{0};
+std::atomic<std::int64_t> g_live{0}, g_blocks{0};
 
 // Threads that a driver starts, and whatever runs inside a call of it, are not our own.
 thread_local bool t_own = false;
@@ -55,6 +60,13 @@ bool fails(Kind kind, const char *name) {
 
 template <typename Function> Function *next(const char *name) {
     return reinterpret_cast<Function *>(dlsym(RTLD_NEXT, name));
+}
+
+template <typename... Arguments> clfftStatus clfft_call(const char *name, bool may_fail, Arguments... arguments) {
+    if (may_fail && fails(Kind::kOpenCl, name))
+        return CLFFT_OUT_OF_RESOURCES;
+    const Aside aside;
+    return next<clfftStatus(Arguments...)>(name)(arguments...);
 }
 
 enum class Role { kPlain, kCreate, kRetain, kRelease };
@@ -204,13 +216,35 @@ bool is_of_test(const void *caller) {
     return at >= range.begin && at < range.end;
 }
 
+// Before each block, so that who frees it need not be who took it.
+struct alignas(std::max_align_t) Header {
+    void *start;
+    bool counted;
+};
+
 void *allocate(std::size_t size, std::size_t alignment, const void *caller) {
-    if (!is_of_test(caller) && fails(Kind::kAllocation, "operator new"))
+    const bool own = is_own() && !is_of_test(caller);
+    if (own && fails(Kind::kAllocation, "operator new"))
         return nullptr;
-    size = size ? size : 1;
-    return alignment > alignof(std::max_align_t)
-               ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
-               : std::malloc(size);
+    const std::size_t front = std::max(alignment, sizeof(Header));
+    if (size > SIZE_MAX / 2)
+        return nullptr;
+    const std::size_t whole = (front + size + front - 1) / front * front;
+    void *start = front > alignof(std::max_align_t) && alignment ? std::aligned_alloc(front, whole) : std::malloc(whole);
+    if (!start)
+        return nullptr;
+    auto *block = static_cast<unsigned char *>(start) + front;
+    new (block - sizeof(Header)) Header{start, own};
+    g_blocks += own;
+    return block;
+}
+
+void give_back(void *block) {
+    if (!block)
+        return;
+    const auto *header = reinterpret_cast<const Header *>(static_cast<unsigned char *>(block) - sizeof(Header));
+    g_blocks -= header->counted;
+    std::free(header->start);
 }
 
 void *or_throw(void *pointer) {
@@ -270,6 +304,15 @@ const char *failed() {
 std::int64_t live_objects() {
     return g_live;
 }
+std::int64_t live_blocks() {
+    return g_blocks;
+}
+Aside::Aside() {
+    ++t_inside;
+}
+Aside::~Aside() {
+    --t_inside;
+}
 
 } // namespace faults
 
@@ -284,6 +327,27 @@ CL_API_ENTRY cl_int CL_API_CALL clGetPlatformIDs(cl_uint count, cl_platform_id *
     const cl_int result = faults::next<decltype(clGetPlatformIDs)>("clGetPlatformIDs")(count, platforms, found);
     --faults::t_inside;
     return result;
+}
+
+// clFFT's calls fail as a driver's do: what fails inside of them leaks, and ends the program where it throws in a destructor.
+clfftStatus clfftSetup(const clfftSetupData *data) {
+    return faults::clfft_call("clfftSetup", true, data);
+}
+clfftStatus clfftCreateDefaultPlan(clfftPlanHandle *plan, cl_context context, const clfftDim dim, const size_t *lengths) {
+    return faults::clfft_call("clfftCreateDefaultPlan", true, plan, context, dim, lengths);
+}
+clfftStatus clfftBakePlan(clfftPlanHandle plan, cl_uint count, cl_command_queue *queues,
+                          void(CL_CALLBACK *notify)(clfftPlanHandle, void *), void *data) {
+    return faults::clfft_call("clfftBakePlan", true, plan, count, queues, notify, data);
+}
+clfftStatus clfftDestroyPlan(clfftPlanHandle *plan) {
+    return faults::clfft_call("clfftDestroyPlan", false, plan);
+}
+clfftStatus clfftEnqueueTransform(clfftPlanHandle plan, clfftDirection direction, cl_uint count, cl_command_queue *queues,
+                                  cl_uint wait_count, const cl_event *waits, cl_event *events, cl_mem *inputs, cl_mem *outputs,
+                                  cl_mem scratch) {
+    return faults::clfft_call("clfftEnqueueTransform", true, plan, direction, count, queues, wait_count, waits,
+                              events, inputs, outputs, scratch);
 }
 
 int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*body)(void *), void *argument) {
@@ -310,6 +374,66 @@ int open(const char *path, int flags, ...) {
     if (faults::fails(faults::Kind::kFile, "open"))
         return faults::file_error(-1, EMFILE);
     return faults::next<int(const char *, int, ...)>("open")(path, flags, mode);
+}
+int openat(int folder, const char *path, int flags, ...) {
+    va_list list;
+    va_start(list, flags);
+    const mode_t mode = (flags & O_CREAT) ? va_arg(list, mode_t) : 0;
+    va_end(list);
+    if (faults::fails(faults::Kind::kFile, "openat"))
+        return faults::file_error(-1, EMFILE);
+    return faults::next<int(int, const char *, int, ...)>("openat")(folder, path, flags, mode);
+}
+FILE *fdopen(int file, const char *mode) noexcept {
+    if (faults::fails(faults::Kind::kFile, "fdopen"))
+        return faults::file_error<FILE *>(nullptr, ENOMEM);
+    return faults::next<FILE *(int, const char *)>("fdopen")(file, mode);
+}
+int fflush(FILE *file) {
+    if (file != stdout && file != stderr && faults::fails(faults::Kind::kFile, "fflush"))
+        return faults::file_error(EOF, ENOSPC);
+    return faults::next<int(FILE *)>("fflush")(file);
+}
+int fclose(FILE *file) {
+    // It is closed, as after any error of close().
+    const bool fails = faults::fails(faults::Kind::kFile, "fclose");
+    const int result = faults::next<int(FILE *)>("fclose")(file);
+    return fails ? faults::file_error(EOF, EIO) : result;
+}
+int fstat(int file, struct stat *status) noexcept {
+    if (faults::fails(faults::Kind::kFile, "fstat"))
+        return faults::file_error(-1, EIO);
+    return faults::next<int(int, struct stat *)>("fstat")(file, status);
+}
+int stat(const char *path, struct stat *status) noexcept {
+    if (faults::fails(faults::Kind::kFile, "stat"))
+        return faults::file_error(-1, EIO);
+    return faults::next<int(const char *, struct stat *)>("stat")(path, status);
+}
+int lstat(const char *path, struct stat *status) noexcept {
+    if (faults::fails(faults::Kind::kFile, "lstat"))
+        return faults::file_error(-1, EIO);
+    return faults::next<int(const char *, struct stat *)>("lstat")(path, status);
+}
+int mkdir(const char *path, mode_t mode) noexcept {
+    if (faults::fails(faults::Kind::kFile, "mkdir"))
+        return faults::file_error(-1, ENOSPC);
+    return faults::next<int(const char *, mode_t)>("mkdir")(path, mode);
+}
+int fchmod(int file, mode_t mode) noexcept {
+    if (faults::fails(faults::Kind::kFile, "fchmod"))
+        return faults::file_error(-1, EPERM);
+    return faults::next<int(int, mode_t)>("fchmod")(file, mode);
+}
+int flock(int file, int operation) noexcept {
+    if (faults::fails(faults::Kind::kFile, "flock"))
+        return faults::file_error(-1, ENOLCK);
+    return faults::next<int(int, int)>("flock")(file, operation);
+}
+ssize_t getrandom(void *to, size_t size, unsigned flags) noexcept {
+    if (faults::fails(faults::Kind::kFile, "getrandom"))
+        return faults::file_error<ssize_t>(-1, ENOSYS);
+    return faults::next<ssize_t(void *, size_t, unsigned)>("getrandom")(to, size, flags);
 }
 int rename(const char *from, const char *to) {
     if (faults::fails(faults::Kind::kFile, "rename"))
@@ -358,32 +482,32 @@ void *operator new[](std::size_t size, std::align_val_t alignment) {
     return faults::or_throw(faults::allocate(size, static_cast<std::size_t>(alignment), __builtin_return_address(0)));
 }
 void operator delete(void *pointer) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete[](void *pointer) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete(void *pointer, std::size_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete[](void *pointer, std::size_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete(void *pointer, std::align_val_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete[](void *pointer, std::align_val_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete(void *pointer, std::size_t, std::align_val_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete[](void *pointer, std::size_t, std::align_val_t) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete(void *pointer, const std::nothrow_t &) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }
 void operator delete[](void *pointer, const std::nothrow_t &) noexcept {
-    std::free(pointer);
+    faults::give_back(pointer);
 }

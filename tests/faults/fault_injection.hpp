@@ -20,5 +20,15 @@ const char *failed();   // which call did
 
 // OpenCL objects that were made or retained and not released, of the process's own.
 std::int64_t live_objects();
+// Blocks of operator new that are not freed, of the process's own, but for the program's.
+std::int64_t live_blocks();
+
+// While one lives, calls of this thread are not the process's own: neither counted nor failed.
+struct Aside {
+    Aside();
+    ~Aside();
+    Aside(const Aside &) = delete;
+    Aside &operator=(const Aside &) = delete;
+};
 
 } // namespace faults

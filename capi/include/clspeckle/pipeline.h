@@ -128,7 +128,8 @@ CLSP_API ClspStatus clspFrameInit(ClspFrame *frame, uint32_t struct_size);
 
 /** Renders a frame. The queue may be in-order or out-of-order; frames of one pipeline must run one after the other (an in-order
  *  queue, or a wait on the last frame's event). A frame that is refused leaves all as it was, and so does one that fails (a device
- *  error) where surface, air and sensor carry nothing from frame to frame: it can be tried again.
+ *  error) where surface and air carry nothing from frame to frame: it can be tried again. Several frames of one call that fail lose the
+ *  sensor's lag, too: it begins anew with them.
  *  @return CLSP_ERROR_INVALID_STATE after a frame that failed when it had begun to move them, until a frame has CLSP_REFRESH_ALL. */
 CLSP_API ClspStatus clspPipelineEnqueueFrame(ClspPipeline pipeline, cl_command_queue queue, const ClspFrame *frame,
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,

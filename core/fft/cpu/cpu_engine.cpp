@@ -354,7 +354,6 @@ void CpuEngine::enqueue_codes(CommandChain &chain, const cl::Buffer &lines, Weig
     exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
     // An item has a quarter of its rows in each quarter of the image: they share random numbers.
     enqueue_inverse(chain, kernel, arguments, row_items((grid_.height + 3) / 4, lanes_ / 4));
-    exposed.sensor->exposed();
 }
 
 } // namespace

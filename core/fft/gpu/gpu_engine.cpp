@@ -345,7 +345,6 @@ void GpuEngine::enqueue_codes(CommandChain &chain, const cl::Buffer &lines, Weig
         inverse_arguments(inverse, lines, weights, bool(before), before ? before : exposed.output);
     exposed.sensor->add_arguments(arguments, exposed.frame_index, exposed.output);
     enqueue_inverse(chain, inverse, arguments);
-    exposed.sensor->exposed();
 }
 
 } // namespace

@@ -250,8 +250,10 @@ TuningFile load_tuning(const std::string &path) {
     const fs::file_status status = fs::status(path, failed);
     if (status.type() == fs::file_type::not_found)
         return {};
+    if (status.type() == fs::file_type::none)
+        throw Error(Status::kIo, "it cannot be looked at: " + failed.message());
     if (!fs::is_regular_file(status))
-        throw Error(Status::kIo, "it is no file that can be read");
+        throw Error(Status::kInvalidData, "it is no file that can be read");
     std::string text;
     try {
         text = image_io::read_json_text(path);

@@ -537,7 +537,7 @@ def test_configure_keeps_no_memory_of_what_is_off(context):
             ({"hot_pixel_fraction": 0.1}, 4),
             ({"cold_pixel_fraction": 0.1}, 1),
             ({"read_noise_spread": 0.1}, 4),
-            ({"lag_fraction": 0.1}, 4),
+            ({"lag_fraction": 0.1}, 8),  # the frame before, and this one
             ({"shot_noise": True, "conversion_gain_dn_per_e": 1.0}, 0),
             ({"telegraph_fraction": 0.1, "telegraph_step_dn": 9.0, "cubic_nonlinearity": 0.1}, 0),
             ({"row_noise_dn": 1.0, "column_noise_dn": 1.0, "gamma": 0.9, "crosstalk_fraction": 0.1}, 0),
