@@ -261,3 +261,24 @@ def test_a_key_without_a_row_fails() -> None:
     source = source.replace('"msb_aligned"}', '"msb_aligned", "new"}')
     table = keys_of_table((ROOT / "docs" / "reference" / "capture-json.md").read_text())
     assert Counter(keys_of_capture_json(source)) - table == Counter(["camera.new"])
+
+
+def keys_of_sequence_json(source: str) -> set[str]:
+    """Those that the reader takes; in most objects it refuses others."""
+    taken = source[source.index("load_materials(") : source.index("LightChoice light_choice")]
+    found = set(re.findall(r'(?:root|entry), "(\w+)", (?:path|nothing)|root\.contains\("(\w+)"\)', taken))
+    names = {key for pair in found for key in pair if key}
+    objects = {"material_ids", "geometry_from_object"}
+    keys = {f"moving_objects[].{key}" if key in objects else key for key in names if key != "living"}
+    for parent, name, listed in re.findall(r'take\((root|laser), "(\w+)",\s*\{(\{.*?\})\}\)', taken, re.DOTALL):
+        keys |= {name if parent == "root" else f"laser.{name}"}
+        keys |= {f"{name}.{key}" for key in re.findall(r'\{"(\w+)", "', listed)}
+    (listed,) = re.findall(r'keys = \{("id".*?)\};', taken)
+    members = re.findall(r'\{"(\w+)", &ClspMaterial', taken)
+    return keys | {f"materials[].{key}" for key in [*re.findall(r'"(\w+)"', listed), *members]}
+
+
+def test_every_key_of_sequence_json_once() -> None:
+    keys = keys_of_sequence_json((ROOT / "tools" / "input.cpp").read_text())
+    assert len(keys) > 35
+    assert keys_of_table((ROOT / "docs" / "reference" / "sequence-json.md").read_text()) == Counter(keys)

@@ -1,7 +1,10 @@
-"""Every key of a report stands in docs/reference/gap-report.md: in a row of its own, once, or in the row of what holds it."""
+"""Every key of a report stands in docs/reference/gap-report.md: in a row of its own, once, or in its holder's row.
+
+So does every key of a camera profile in docs/reference/profile.md."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from pathlib import Path
@@ -66,3 +69,19 @@ def test_every_key_is_described_once(ok, tmp_path: Path) -> None:
         return False
 
     assert [key for key in sorted(found) if not is_described(key)] == []
+
+
+def test_every_key_of_a_profile_is_described(ok, tmp_path: Path) -> None:
+    ok("capture", "make", "set", "--sequences", "dark,flat", "--width", 64, "--height", 48, "--frames", 16, "--seed", 3,
+       "--effect", "shot_noise:dn_per_electron=0.4")  # fmt: skip
+    ok("diagnose", "set", "--profile", "camera.json", "--quiet", *QUICK)
+    profile = json.loads((tmp_path / "camera.json").read_text())
+    assert profile["effects"]
+    assert profile["maps"]
+    page = (ROOT / "docs" / "reference" / "profile.md").read_text()
+    rows = re.findall(r"^\| .*", page, re.MULTILINE)
+    told = {word for row in rows for word in re.findall(r"[`.](\w+)(?=[`.\[])", row)}
+    names = ("effects.parameters", "effects.intervals")  # of the catalogue
+    found = {key for key in keys(profile) if not key.startswith(tuple(f"{name}." for name in names))}
+    assert len(found) > 40
+    assert {key for key in found if key.rpartition(".")[2] not in told} == set()
