@@ -282,3 +282,12 @@ def test_every_key_of_sequence_json_once() -> None:
     keys = keys_of_sequence_json((ROOT / "tools" / "input.cpp").read_text())
     assert len(keys) > 35
     assert keys_of_table((ROOT / "docs" / "reference" / "sequence-json.md").read_text()) == Counter(keys)
+
+
+def test_every_environment_variable_once() -> None:
+    files = [p for folder in ("core", "capi", "diagnosis", "io", "tools") for p in (ROOT / folder).rglob("*.[ch]pp")]
+    named = {
+        name for file in [*files, *PACKAGE.rglob("*.py")] for name in re.findall(r'"(CLSPECKLE_\w+)"', file.read_text())
+    }
+    assert len(named) > 5
+    assert keys_of_table((ROOT / "docs" / "reference" / "environment.md").read_text()) == Counter(named)
