@@ -50,6 +50,13 @@ def test_the_reader_takes_what_is_within_its_bounds(tmp_path: Path) -> None:
         _json_file.parse_json(b"[" + deep + b"]")
 
 
+@pytest.mark.parametrize(("number", "words"), [(b"NaN", "leave what is not known out"), (b"1e999", "or leave it out")])
+def test_without_what_was_to_be_left_out_it_is_read(number: bytes, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        _json_file.parse_json(b'{"a": ' + number + b', "b": 1}')
+    assert _json_file.parse_json(b'{"b": 1}') == {"b": 1}
+
+
 def a_set(folder: Path, format: str) -> Path:
     ideal = np.full((8, 10), 0.5, np.float32)
     dataset.write(
