@@ -9,6 +9,7 @@ python="${CLSP_PYTHON:-.venv/bin/python}"
 command -v doxygen >/dev/null || { echo "doxygen is missing; install it: apt-get install doxygen" >&2; exit 1; }
 "$python" -c 'import breathe, furo, myst_parser, sphinx; __import__("sphinx-mathjax-offline")' 2>/dev/null ||
     "$python" -m pip install -q --disable-pip-version-check -r docs/requirements.txt
+"$python" scripts/undocumented.py
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 (cat docs/Doxyfile; echo "OUTPUT_DIRECTORY = $work") | doxygen -

@@ -8,12 +8,17 @@ import json
 import os
 import re
 import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import undocumented  # noqa: E402
+
 HEADERS = sorted((ROOT / "capi" / "include" / "clspeckle").glob("*.h"))
 PACKAGE = ROOT / "bindings" / "python" / "src" / "clspeckle"
 BIN = Path(os.environ.get("CLSPECKLE_BIN", ROOT / "build" / "bin"))
@@ -94,68 +99,31 @@ def places(name: str, value: object) -> list[str]:
     return [f"clspeckle.{m}.{name}".replace("..", ".") for m in MODULES if public(m).get(name) is value]
 
 
-def defined() -> dict[str, ast.FunctionDef | ast.ClassDef]:
-    """Functions and classes of the package by name; of two of one name the public module's."""
-    files = sorted(PACKAGE.rglob("*.py"), key=lambda file: not file.name.startswith("_"))
-    trees = [ast.parse(file.read_text()) for file in files]
-    return {n.name: n for tree in trees for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
-
-
-def is_attribute(node: ast.ClassDef, name: str) -> bool:
-    """Of those that the words of the class list, one or several to a line."""
-    return re.search(rf"^ *(?:\w+, )*{name}(?:, \w+)*: ", ast.get_docstring(node) or "", re.MULTILINE) is not None
-
-
-def members(node: ast.ClassDef) -> dict[str, bool]:
-    """Methods, properties and fields that are public, and whether each has words."""
-    found: dict[str, bool] = {}
-    for place, entry in enumerate(node.body):
-        if isinstance(entry, ast.FunctionDef) and not entry.name.startswith("_"):
-            found[entry.name] = found.get(entry.name, False) or ast.get_docstring(entry) is not None
-        elif isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
-            after = node.body[place + 1] if place + 1 < len(node.body) else None
-            words = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-            if not entry.target.id.startswith("_"):
-                found[entry.target.id] = words or is_attribute(node, entry.target.id)
-    return found
-
-
-def unsaid(node: ast.FunctionDef | ast.ClassDef) -> list[str]:
-    found = [] if ast.get_docstring(node) else [node.name]
-    if isinstance(node, ast.ClassDef):
-        found += [f"{node.name}.{name}" for name, words in members(node).items() if not words]
-    return found
-
-
-# Its keys are arguments of the stages, under whose names they have their words.
-ARGUMENTS = "PipelineParameters"
-
-
 @pytest.mark.parametrize("module", MODULES, ids=lambda name: name or "clspeckle")
 def test_every_python_symbol_once_with_words(site: Path, module: str) -> None:
     page = ids(site / "reference" / "python.html")
-    nodes = defined()
+    nodes = undocumented.defined(PACKAGE)
     assert public(module)
     for name, value in public(module).items():
         home = [place for place in places(name, value) if place in page]
         assert [page[place] for place in home] == [1], f"{name}: {home}"
         node = nodes.get(name)
-        if node is None or name == ARGUMENTS:
-            continue
-        assert unsaid(node) == []
-        if isinstance(node, ast.ClassDef):
-            once = {member: page[f"{home[0]}.{member}"] == 1 or is_attribute(node, member) for member in members(node)}
+        if isinstance(node, ast.ClassDef) and name != undocumented.ARGUMENTS:
+            once = {
+                member: page[f"{home[0]}.{member}"] == 1 or undocumented.is_attribute(node, member)
+                for member in undocumented.members(node)
+            }
             assert [member for member, is_once in once.items() if not is_once] == []
 
 
 def test_every_argument_of_a_pipeline_is_a_stage_s() -> None:
-    nodes = defined()
+    nodes = undocumented.defined(PACKAGE)
     stages = " ".join(
         ast.get_docstring(node) or ""
         for stage in ("Phase", "Aperture", "Lens", "Sensor", "Pipeline")
         for node in [nodes[stage], *[f for f in nodes[stage].body if isinstance(f, ast.FunctionDef)]]  # type: ignore[union-attr]
     )
-    parameters = nodes[ARGUMENTS]
+    parameters = nodes[undocumented.ARGUMENTS]
     own = ast.get_docstring(parameters) or ""
     keys = [entry.target.id for entry in parameters.body if isinstance(entry, ast.AnnAssign)]  # type: ignore[union-attr]
     assert len(keys) > 90
@@ -163,17 +131,20 @@ def test_every_argument_of_a_pipeline_is_a_stage_s() -> None:
 
 
 @pytest.mark.parametrize(
-    "code",
+    ("code", "name"),
     [
-        "def tell():\n    return 1\n",
-        'class Told:\n    """Words."""\n    def tell(self):\n        return 1\n',
-        'class Told:\n    """Words."""\n    said: int\n    """Words."""\n    unsaid: int\n',
+        ("def tell():\n    return 1\n", "tell"),
+        ('class Told:\n    """Words."""\n    def tell(self):\n        return 1\n', "Told.tell"),
+        ('class Told:\n    """Words."""\n    said: int\n    """Words."""\n    unsaid: int\n', "Told.unsaid"),
     ],
 )
-def test_a_python_symbol_without_words_fails(code: str) -> None:
-    (node,) = ast.parse(code).body
-    assert isinstance(node, ast.FunctionDef | ast.ClassDef)
-    assert len(unsaid(node)) == 1
+def test_a_python_symbol_without_words_fails(code: str, name: str, tmp_path: Path) -> None:
+    (tmp_path / "told.py").write_text(f'__all__ = ["{name.partition(".")[0]}"]\n{code}')
+    command = [sys.executable, ROOT / "scripts" / "undocumented.py"]
+    done = subprocess.run([*command, tmp_path], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, f"{name} has no words: add a docstring\n")
+    assert subprocess.run(command, check=False).returncode == 0
+    assert "scripts/undocumented.py" in (ROOT / "scripts" / "docs.sh").read_text()
 
 
 # --- Options ---
