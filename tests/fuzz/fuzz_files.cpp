@@ -4,7 +4,9 @@
 // With libFuzzer: fuzz_files CORPUS... --kind=capture. Without it (replay.cpp): the files named are read once
 // each.
 #include "capture.hpp"
+#include "capture/capture_check.hpp"
 #include "capture/capture_json.hpp"
+#include "capture/capture_reader.hpp"
 #include "console.hpp"
 #include "depth.hpp"
 #include "doe/doe_cache.hpp"
@@ -64,6 +66,36 @@ const fs::path &folder() {
     return path;
 }
 
+/** Puts files into a folder: the text between lines "%%% NAME", which mutations take apart and together. */
+fs::path folder_of_files(const std::string &bytes) {
+    constexpr std::size_t most_files = 12, most_name = 24;
+    const std::string mark = "%%% ";
+    const fs::path result = folder() / "set";
+    fs::remove_all(result);
+    fs::create_directories(result);
+    std::size_t at = bytes.find(mark);
+    for (std::size_t files = 0; files < most_files && at != std::string::npos; ++files) {
+        const std::size_t end = std::min(bytes.find('\n', at), bytes.size());
+        const std::string name = bytes.substr(at + mark.size(), std::min(end - at - mark.size(), most_name + 1));
+        at = bytes.find("\n" + mark, end);
+        const std::string content = end < bytes.size() ? bytes.substr(end + 1, at - end - 1) : "";
+        at += at == std::string::npos ? 0 : 1;
+        if (!name.empty() && name.size() <= most_name && name.find('/') == std::string::npos && name[0] != '.' &&
+            name.find('\0') == std::string::npos)
+            write_file(result / name, content);
+    }
+    return result;
+}
+
+void ignoring_errors(const std::function<void()> &work) {
+    try {
+        work();
+    } catch (const clsp::Error &) {
+    } catch (const tools::InputError &) {
+    } catch (const image_io::ReadError &) {
+    }
+}
+
 /** What each kind of file is read by. `path`: the file, with the kind's ending. */
 struct Kind {
     const char *name;
@@ -75,6 +107,22 @@ const std::map<std::string, Kind> kinds = {
      {"file.json",
       [](const std::string &path, const std::string &) { (void)image_io::shown(image_io::read_json(path).root()); }}},
     {"capture", {"file.json", [](const std::string &path, const std::string &) { clsp::read_capture_json(path); }}},
+    // A capture set with frames and masks; then what `capture init` makes of the same files.
+    {"set",
+     {"files",
+      [](const std::string &, const std::string &bytes) {
+          const fs::path set = folder_of_files(bytes);
+          ignoring_errors([&] { (void)clsp::capture_summary_json(clsp::read_capture(set.string())); });
+          ignoring_errors([&] {
+              tools::CaptureInitArguments arguments;
+              arguments.folder = set.string();
+              arguments.raw = "16x12,16";
+              arguments.force = true;
+              tools::Console console(false, true);
+              tools::run_capture_init(arguments, console);
+              (void)clsp::read_capture(set.string());
+          });
+      }}},
     {"profile", {"file.json", [](const std::string &path, const std::string &) { clsp::read_profile(path); }}},
     {"tolerance", {"file.json", [](const std::string &path, const std::string &) { clsp::read_tolerances(path); }}},
     {"tuning",

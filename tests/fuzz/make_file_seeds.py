@@ -6,11 +6,14 @@ make_file_seeds.py FOLDER
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import sys
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURE = {
@@ -87,7 +90,28 @@ FILES: dict[str, list[Any]] = {
                {**DESIGN, "periodic": False, "directions": [[0.1, 0.2, 1.5], [0, 0.1]]}],
     "hypothesis": [HYPOTHESIS],
 }  # fmt: skip
-KINDS = [*FILES, "directions", "source", "program", "pattern"]
+KINDS = [*FILES, "directions", "source", "program", "pattern", "set"]
+
+
+def a_set() -> dict[str, bytes]:
+    """A capture set of 16 x 12 pixels: a stack, a series of pages with a mask, and pixels without a header."""
+    rng = np.random.default_rng(1)
+    codes = rng.integers(60, 70, (4, 12, 16), np.uint16)
+    stack = io.BytesIO()
+    np.save(stack, codes)
+    camera = {**CAPTURE["camera"], "width": 16, "height": 12, "principal_point_px": [7.5, 5.5]}
+    sequences = [
+        {"name": "dark", "file": "dark.npy", "scene": "dark"},
+        {"name": "flat", "file": "flat_*.pgm", "scene": "flat", "mask": "mask.pgm"},
+        {"name": "board", "file": "board.raw", "scene": "board", "motion": "static", "raw": "16x12,16"},
+    ]
+    about = {key: value for key, value in CAPTURE.items() if key != "dots"}
+    files = {"capture.json": json.dumps({**about, "camera": camera, "sequences": sequences}).encode(), "dark.npy": stack.getvalue()}
+    for number in range(2):
+        files[f"flat_{number}.pgm"] = b"P5 16 12 1023\n" + (codes[number] + 200).astype(">u2").tobytes()
+    files["mask.pgm"] = b"P5 16 12 255\n" + bytes([255] * 16 * 11 + [0] * 16)
+    files["board.raw"] = (codes + 100).astype("<u2").tobytes()
+    return files
 
 
 def examples() -> list[str]:
@@ -110,6 +134,10 @@ def main(folder: Path) -> None:
         (folder / kind).mkdir(exist_ok=True)
         for i, text in enumerate(texts):
             (folder / kind / str(i)).write_bytes(text.encode())
+    (folder / "set").mkdir(exist_ok=True)
+    whole = a_set()
+    for name, names in (("whole", list(whole)), ("frames", [key for key in whole if key != "capture.json"])):
+        (folder / "set" / name).write_bytes(b"\n".join(f"%%% {key}\n".encode() + whole[key] for key in names))
     # What the readers look for: from everything that is written and shown above.
     words = {word for kind in FILES for path in (folder / kind).iterdir()
              for word in re.findall(r'"([A-Za-z][\w/ .-]{1,40})"', path.read_text())}  # fmt: skip
