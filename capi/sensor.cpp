@@ -18,7 +18,7 @@ using namespace clsp::capi;
 
 static_assert(offsetof(ClspSensorDesc, conversion_gain_dn_per_e) == kFirstSize<ClspSensorDesc>,
               "members are added after those of the first release");
-static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, gain_map_pitch_bytes) + sizeof(uint64_t),
+static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, widest_code) + sizeof(double),
               "no hidden padding at the end");
 
 namespace clsp::capi {
@@ -74,6 +74,9 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.telegraph_fraction, p.telegraph_fraction);
     field(d.telegraph_step_dn, p.telegraph_step_dn);
     field(d.telegraph_centered, p.telegraph_centered, "desc->telegraph_centered");
+    field(d.code_width_wave, p.code_width_wave);
+    field(d.code_width_period, p.code_width_period);
+    field(d.widest_code, p.widest_code);
     field(d.gain_map, p.gain_map);
     field(d.gain_map_pitch_bytes, p.gain_map_pitch_bytes);
     field(d.photons_per_unit, p.photons_per_unit);

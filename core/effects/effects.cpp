@@ -440,6 +440,23 @@ std::vector<Effect> make_catalogue() {
      [](Model &m, Values v) { sensor(m, "full_well").saturation_dn = v[0]; },
      {kInLight}, {kInLight},
      "bright speckle and dots pile up at a level below the top code", "", {1}},
+    Effect{"differential_nonlinearity", "sensor",
+     "code n is 1 + a cos(2 pi (n - widest_code) / period_codes) wide",
+     "stages/sensor_pixel.h: expose_pixel (CODE_WIDTHS)", kSetsSensor,
+     {{"amplitude_lsb", "LSB", 0.0, 0.5, 0.1, 0.4},
+      {"widest_code", "codes", 0.0, 16.0, 1.0, 1.0},
+      {"period_codes", "codes", 2.0, 16.0, 4.0, 4.0, true}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "differential_nonlinearity");
+         s.code_width_wave = v[0];
+         s.widest_code = v[1];
+         s.code_width_period = v[2];
+     },
+     {kInAll}, {kInAll},
+     "some codes occur more often than their neighbours, by the same share everywhere",
+     "it moves the levels between codes, and finished frames hold codes already", {1}}
+        .measured_by("widest_code", "widest_code", "widest_code_error")
+        .measured_by("period_codes", "code_width_period", nullptr),
     Effect{"adc_bits", "sensor", "fewer effective bits: codes fall on multiples of 2^(bits - n)",
      "stages/sensor_pixel.h: expose_pixel (CODE_STEP)", kSetsSensor,
      {{"bits", "bits", 1.0, 16.0, 8.0, 6.0, true}},

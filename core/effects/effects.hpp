@@ -64,7 +64,8 @@ struct EffectForms {
     bool told_by_fit; // screening does not tell the forms apart
 };
 
-// A parameter that no search finds, and the quantities of a capture that are it and its standard error.
+// A parameter that no search finds, and the quantities of a capture that are it and its standard error, or nullptr where
+// it is exact.
 struct MeasuredParameter {
     const char *parameter, *quantity, *error;
 };

@@ -122,6 +122,10 @@ void check_parameters(const SensorParameters &p) {
     check_range(p.periodic_frequency_y, -0.5, 0.5, "periodic_frequency_y");
     check_fraction(p.telegraph_fraction, "telegraph_fraction");
     check_not_negative(p.telegraph_step_dn, "telegraph_step_dn");
+    // Within these the kernel finds every code; wider waves are missing codes.
+    check_range(p.code_width_wave, 0.0, 0.5, "code_width_wave");
+    check_range(p.code_width_period, 2.0, 16.0, "code_width_period");
+    check_range(p.widest_code, 0.0, 65536.0, "widest_code");
 }
 
 bool has_mosaic(const SensorParameters &p) {
@@ -146,6 +150,10 @@ bool has_read_noise_map(const SensorParameters &p) {
 }
 bool has_telegraph_noise(const SensorParameters &p) {
     return p.telegraph_fraction > 0.0 && p.telegraph_step_dn > 0.0;
+}
+
+bool has_code_widths(const SensorParameters &p, Format output) {
+    return p.code_width_wave > 0.0 && (p.quantize || output != Format::kFloat32);
 }
 
 // As kernels/stages/sensor.cl has them: maps of the host that a fixed pattern is drawn upon.
@@ -292,8 +300,9 @@ cl::Kernel &Sensor::kernel_for(Format output) {
 }
 
 std::string Sensor::pixel_options(Format output) const {
-    return fmt::format("-DOUTPUT_FORMAT={} -DQUANTIZE={}{}", static_cast<std::uint32_t>(output),
-                       parameters_.quantize || output != Format::kFloat32 ? 1 : 0, switches_);
+    return fmt::format("-DOUTPUT_FORMAT={} -DQUANTIZE={} -DCODE_WIDTHS={}{}", static_cast<std::uint32_t>(output),
+                       parameters_.quantize || output != Format::kFloat32 ? 1 : 0,
+                       has_code_widths(parameters_, output) ? 1 : 0, switches_);
 }
 
 void Sensor::make_switches() {
@@ -377,7 +386,8 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
                  on(!lag_started_, kSensorLagFirst) | on(lag_second_, kSensorLagSecond) |
                  on(p.quantize || output.format != Format::kFloat32, kSensorQuantize) |
                  on(p.crosstalk_fraction > 0.0, kSensorCrosstalk) |
-                 on(p.cubic_nonlinearity != 0.0, kSensorCubic) | on(has_telegraph_noise(p), kSensorTelegraph);
+                 on(p.cubic_nonlinearity != 0.0, kSensorCubic) | on(has_telegraph_noise(p), kSensorTelegraph) |
+                 on(has_code_widths(p, output.format), kSensorCodeWidths);
     c.width = p.width;
     c.height = p.height;
     c.quarter = quarter_rows(p.height);
@@ -409,6 +419,11 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
     c.telegraph_fraction = real(p.telegraph_fraction);
     c.telegraph_low = real(p.telegraph_centered ? -0.5 * p.telegraph_step_dn : 0.0);
     c.telegraph_high = real(p.telegraph_centered ? 0.5 * p.telegraph_step_dn : p.telegraph_step_dn);
+    // A wave of levels, which rises so much from one end of the widest code to the other.
+    constexpr double kPi = 3.14159265358979323846;
+    c.code_wave = real(0.5 * p.code_width_wave / std::sin(kPi / p.code_width_period));
+    c.code_wave_frequency = real(1.0 / p.code_width_period);
+    c.widest_code = real(p.widest_code);
     arguments.add(c)
         .add(offset_.get())
         .add(response_.get())

@@ -19,6 +19,7 @@ enum SensorSwitch : cl_uint {
     kSensorCubic = 512,
     kSensorTelegraph = 1024,
     kSensorLagSecond = 2048,
+    kSensorCodeWidths = 4096,
 };
 
 // The same members as sensor_t there.
@@ -30,7 +31,8 @@ struct SensorConstants {
     cl_float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn,
         top_code, output_scale;
     cl_float cubic, telegraph_fraction, telegraph_low, telegraph_high;
+    cl_float code_wave, code_wave_frequency, widest_code;
 };
-static_assert(sizeof(SensorConstants) == 34 * 4, "only members of four bytes");
+static_assert(sizeof(SensorConstants) == 37 * 4, "only members of four bytes");
 
 } // namespace clsp

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/core.h>
+#include <optional>
 #include <utility>
 
 namespace clsp {
@@ -189,20 +190,22 @@ void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &ca
 }
 
 void hold_at_quantities(std::vector<Candidate> &candidates, const std::vector<Quantity> &quantities) {
-    const auto told = [&](const char *name) {
-        return std::find_if(quantities.begin(), quantities.end(),
-                            [&](const Quantity &q) { return q.name == name && std::isfinite(q.value); });
+    const auto told = [&](const char *name) -> std::optional<double> {
+        const auto found = std::find_if(quantities.begin(), quantities.end(), [&](const Quantity &q) {
+            return q.name == name && std::isfinite(q.value);
+        });
+        return found == quantities.end() ? std::nullopt : std::optional(found->value);
     };
     const auto hold = [&](Candidate &candidate) {
         for (const MeasuredParameter &measured : find_effect(candidate.id).measured_parameters) {
-            const auto value = told(measured.quantity), error = told(measured.error);
-            if (value == quantities.end() || error == quantities.end())
+            const auto value = told(measured.quantity), error = measured.error ? told(measured.error) : 0.0;
+            if (!value || !error)
                 return false;
             for (HypothesisParameter &p : candidate.parameters)
                 if (p.name == measured.parameter) {
-                    p.weak = p.strong = std::clamp(value->value, p.minimum, p.maximum);
-                    p.minimum = p.weak - kDeviations95 * error->value;
-                    p.maximum = p.weak + kDeviations95 * error->value;
+                    p.weak = p.strong = std::clamp(*value, p.minimum, p.maximum);
+                    p.minimum = p.weak - kDeviations95 * *error;
+                    p.maximum = p.weak + kDeviations95 * *error;
                     p.measured = true;
                 }
         }

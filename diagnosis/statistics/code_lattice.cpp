@@ -15,13 +15,16 @@ constexpr double kSpecklePixels = 4.0; // above a level near the top, of a speck
 void measure_code_lattice(const StatisticInput &in, Sink &sink) {
     const std::vector<std::uint64_t> &histogram = in.frames.histogram;
     const double total = double(in.geometry.frames) * double(in.geometry.used);
-    for (const std::size_t step : {std::size_t{2}, std::size_t{4}, std::size_t{8}}) {
+    const auto put_multiples = [&](std::size_t step, std::size_t first, const char *name) {
         std::uint64_t multiples = 0;
-        for (std::size_t code = 0; code < histogram.size(); code += step)
+        for (std::size_t code = first; code < histogram.size(); code += step)
             multiples += histogram[code];
-        sink.put("sensor", "codes_multiple_of_" + std::to_string(step), "1",
-                 double(multiples) / total - 1.0 / double(step));
-    }
+        sink.put("sensor", name, "1", double(multiples) / total - 1.0 / double(step));
+    };
+    put_multiples(2, 0, "codes_multiple_of_2");
+    put_multiples(4, 0, "codes_multiple_of_4");
+    put_multiples(4, 1, "codes_multiple_of_4_plus_1"); // with the two before: all four remainders
+    put_multiples(8, 0, "codes_multiple_of_8");
     // Fourth differences of the counts pass a smooth law and keep its counting noise, which is 1 in these units. The
     // last codes on both sides, where clipping piles up, are left out.
     double rough = 0.0, counts = 0.0;

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 
 namespace clsp {
@@ -18,6 +19,7 @@ namespace {
 using namespace statistics;
 
 constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
+constexpr double kTurn = 2.0 * M_PI;
 // A code that does not occur is missing where its neighbours have so many pixels each, on average: by chance it would hardly be.
 constexpr double kPixelsOfACode = 20.0;
 constexpr std::size_t kNeighbours = 4; // to each side
@@ -36,10 +38,51 @@ class List {
 // The root of what is left of a variance once noise is taken out; 0 where less than noise is there.
 double root_beyond(double variance, double noise) { return std::sqrt(std::max(0.0, variance - noise)); }
 
+// Widths of codes n, 1 + amplitude cos(2 pi (n - widest) / period). Noise spreads each pixel's values over the codes: what
+// the histogram has at a frequency beyond what such noise lets through is the converter's.
+struct CodeWave {
+    double amplitude = kNotTold, period = kNotTold, widest = kNotTold, error = kNotTold;
+};
+
+CodeWave find_code_wave(const std::vector<std::uint64_t> &histogram, double noise_dn) {
+    constexpr double kStandsOut = 6.0, kBeyondNoise = 4.0; // deviations of what chance makes; of what noise lets through
+    constexpr double kMost = 0.5;                          // of an effect's amplitude: more are codes that are missing
+    CodeWave found;
+    double strongest = 0.0;
+    for (const std::size_t period : {2, 4, 8, 16}) {
+        std::complex<double> sum;
+        double count = 0.0;
+        // Light that is cut piles up in the first and the last code.
+        for (std::size_t code = 1; code + 1 < histogram.size(); ++code) {
+            sum += double(histogram[code]) * std::polar(1.0, kTurn * double(code % period) / double(period));
+            count += double(histogram[code]);
+        }
+        const double share = count > 0.0 ? std::abs(sum) / count : 0.0, turns = noise_dn / double(period);
+        const double error = std::sqrt(0.5 / count) / share; // radians
+        if (share <= strongest || share <= kBeyondNoise * std::exp(-0.5 * kTurn * kTurn * turns * turns))
+            continue;
+        strongest = share;
+        const bool alternates = period == 2; // both ends of a period are one code apart: a share is all of the wave
+        const double amplitude = alternates ? share : 2.0 * share;
+        found = {};
+        if (kStandsOut * error > 1.0 || amplitude > kMost)
+            continue;
+        const double codes_a_radian = double(period) / kTurn;
+        const double widest = std::fmod(std::arg(sum) * codes_a_radian + double(period), double(period));
+        found = {amplitude, double(period), alternates ? std::round(widest) : widest, alternates ? 0.0 : error * codes_a_radian};
+    }
+    return found;
+}
+
 // Of the codes; before black level and scale.
-void put_codes(const StatisticInput &in, List &list) {
+void put_codes(const StatisticInput &in, double noise_dn, List &list) {
     const std::vector<std::uint64_t> &histogram = in.frames.histogram;
     const double total = double(in.geometry.frames) * double(in.geometry.used);
+    const CodeWave wave = find_code_wave(histogram, noise_dn);
+    list.put("code_width_wave", "codes", wave.amplitude);
+    list.put("code_width_period", "codes", wave.period);
+    list.put("widest_code", "codes", wave.widest);
+    list.put("widest_code_error", "codes", wave.error);
     // Light that is cut piles up in the first and the last code.
     double missing = 0.0, told = 0.0;
     for (std::size_t code = kNeighbours + 1; code + kNeighbours + 1 < histogram.size(); ++code) {
@@ -255,8 +298,9 @@ std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size
         list.put("mean_signal", "DN", frames.mean_signal);
     else
         list.put("dark_offset", "DN", frames.mean_signal + calibration.black_level_dn);
-    put_temporal(
-        in, frame_count > 1 ? sequence_level(layout, sequence, codes, frame_count).temporal_noise_dn : kNotTold, list);
+    const double noise_dn =
+        frame_count > 1 ? sequence_level(layout, sequence, codes, frame_count).temporal_noise_dn : kNotTold;
+    put_temporal(in, noise_dn, list);
     switch (geometry.scene) {
     case CaptureScene::kDark:
         put_fixed_pattern(in, list);
@@ -273,7 +317,7 @@ std::vector<Quantity> sequence_quantities(const CaptureLayout &layout, std::size
         put_dots(in, list);
         break;
     }
-    put_codes(in, list);
+    put_codes(in, frame_count > 1 ? noise_dn : std::sqrt(frames.read_variance), list);
     return list.take();
 }
 

@@ -26,6 +26,7 @@ typedef float output_t;
 #define SENSOR_CUBIC 512u
 #define SENSOR_TELEGRAPH 1024u
 #define SENSOR_LAG_SECOND 2048u
+#define SENSOR_CODE_WIDTHS 4096u
 
 // The same members as SensorConstants there, of four bytes each.
 typedef struct {
@@ -33,6 +34,7 @@ typedef struct {
     float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
     float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn, top_code, output_scale;
     float cubic, telegraph_fraction, telegraph_low, telegraph_high;
+    float code_wave, code_wave_frequency, widest_code;
 } sensor_t;
 
 // Maps are NULL where their effect is off.

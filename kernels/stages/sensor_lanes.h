@@ -184,6 +184,19 @@ static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, f
 // The signals that the intensities give.
 static inline lanes_f signals_of(const sensor_t *s, lanes_f intensity) { return positive(s->gain * intensity); }
 
+// code_between_levels() in sensor_pixel.h.
+static inline lanes_f code_wave_at(const sensor_t *s, lanes_f at) {
+    lanes_complex wave;
+    phasors_from_turns((at - s->widest_code) * s->code_wave_frequency, &wave);
+    return s->code_wave * wave.im;
+}
+static inline lanes_f levels_of_codes(const sensor_t *s, lanes_f code) { return (code - 0.5f) + code_wave_at(s, code - 0.5f); }
+static inline lanes_f codes_between_levels(const sensor_t *s, lanes_f value) {
+    const lanes_f code = nearest(value - code_wave_at(s, value));
+    const lanes_f above = select(code, code + 1.0f, value >= levels_of_codes(s, code + 1.0f));
+    return select(above, code - 1.0f, value < levels_of_codes(s, code));
+}
+
 static inline lanes_output codes_of(const sensor_t *s, lanes_f value) {
 #if OUTPUT_FORMAT == FORMAT_FLOAT32
     return value * s->output_scale;
@@ -312,7 +325,9 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
         value += noise->telegraph[k][j];
     if (switches & SENSOR_READ_NOISE)
         value = fma(c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise), noise->read[k][j], value);
-    if (switches & SENSOR_QUANTIZE)
+    if (switches & SENSOR_CODE_WIDTHS)
+        value = codes_between_levels(s, value * s->steps_per_dn) * s->code_step;
+    else if (switches & SENSOR_QUANTIZE)
         value = nearest(value * s->steps_per_dn) * s->code_step; // what is out of its range is clipped
     return codes_of(s, smaller(positive(value), SPREAD(s->top_code)));
 }

@@ -1,11 +1,11 @@
 // The camera's chain, one pixel at a time, for GPUs. What is on is compiled in, each 0 or 1:
 //   READ_NOISE, READ_NOISE_SPREAD, ROW_NOISE, COLUMN_NOISE, SHOT_NOISE, TELEGRAPH
-//   MOSAIC, PRNU, COLD, DARK_CURRENT, LAG, CUBIC, GAMMA, OFFSET, QUANTIZE, CODE_STEP
+//   MOSAIC, PRNU, COLD, DARK_CURRENT, LAG, CUBIC, GAMMA, OFFSET, QUANTIZE, CODE_WIDTHS, CODE_STEP
 // The equations are in sensor.h of the C API.
 #ifndef CLSP_SENSOR_PIXEL_H
 #define CLSP_SENSOR_PIXEL_H
 
-#include "common/philox.h"
+#include "common/phasor.h"
 #include "stages/sensor_camera.h"
 
 #if SHOT_NOISE
@@ -80,6 +80,21 @@ static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, ui
     return noise;
 }
 
+#if CODE_WIDTHS
+static inline ALWAYS_INLINE float code_wave_at(const sensor_t *s, float at) {
+    return s->code_wave * phasor_from_turns((at - s->widest_code) * s->code_wave_frequency).im;
+}
+
+// Where a code begins.
+static inline ALWAYS_INLINE float level_of_code(const sensor_t *s, float code) { return (code - 0.5f) + code_wave_at(s, code - 0.5f); }
+
+// The code whose level is the last one below the value. The wave at the value for that at the level leads one code astray at most.
+static inline ALWAYS_INLINE float code_between_levels(const sensor_t *s, float value) {
+    const float code = rint(value - code_wave_at(s, value));
+    return value < level_of_code(s, code) ? code - 1.0f : value >= level_of_code(s, code + 1.0f) ? code + 1.0f : code;
+}
+#endif
+
 // The signal that the intensity gives. fmax drops NaN.
 static inline ALWAYS_INLINE float signal_of(const sensor_t *s, float intensity) { return fmax(s->gain * intensity, 0.0f); }
 
@@ -138,7 +153,9 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
     value = fma(s->read_noise, normal_of(noise->read, j), value);
 #endif
 #if QUANTIZE
-#if CODE_STEP
+#if CODE_WIDTHS
+    value = code_between_levels(s, value * s->steps_per_dn) * s->code_step;
+#elif CODE_STEP
     value = rint(value * s->steps_per_dn) * s->code_step;
 #else
     value = rint(value);

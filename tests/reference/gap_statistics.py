@@ -141,6 +141,7 @@ def code_lattice(s: Sequence) -> Values:
     values: Values = {}
     for step in (2, 4, 8):
         values[f"codes_multiple_of_{step}", "all"] = float((codes % step == 0).mean() - 1 / step)
+    values["codes_multiple_of_4_plus_1", "all"] = float((codes % 4 == 1).mean() - 1 / 4)
     counts = np.bincount(codes.ravel(), minlength=2**s.bits).astype(np.float64)
     kernel = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
     fourth = np.convolve(counts, kernel, mode="same")[5:-5]

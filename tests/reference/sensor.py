@@ -85,6 +85,9 @@ class Sensor:
     telegraph_fraction: float = 0.0
     telegraph_step_dn: float = 0.0
     telegraph_centered: bool = False
+    code_width_wave: float = 0.0
+    code_width_period: float = 4.0
+    widest_code: float = 0.0
 
     def __post_init__(self) -> None:
         if self.photons_per_unit:
@@ -210,12 +213,19 @@ class Sensor:
     def value_dn(
         self, intensity: NDArray, frame_index: int, previous: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Before clipping and rounding: steps 1 to 9."""
+        """Before clipping and rounding: steps 1 to 9, and what the converter's levels do."""
         signal = self.signal_dn(intensity, frame_index, previous)
         signal = signal * (1.0 - self.cubic_nonlinearity * np.minimum(signal / self.top_code, 1.0) ** 3)
         if self.gamma != 1.0:
             signal = self.top_code * (signal / self.top_code) ** self.gamma
-        return signal + self.fixed_offset_dn() + self.noise_dn(frame_index)
+        value = signal + self.fixed_offset_dn() + self.noise_dn(frame_index)
+        if not self.quantize:
+            return value
+        rise = self.code_width_wave / (2.0 * np.sin(np.pi / self.code_width_period))
+        even = codes = value / self.code_step
+        for _ in range(100):  # what even levels would make the same codes of: even + wave(even) = codes
+            even = codes - rise * np.sin(2 * np.pi * (even - self.widest_code) / self.code_width_period)
+        return even * self.code_step
 
     @property
     def code_step(self) -> int:

@@ -27,7 +27,7 @@ Effects = dict[str, Setting]
 # Parameters whose effect is nothing at another value than 0; that have no such value; that only shape an effect.
 _NOTHING = {"degree_of_polarization": 1.0, "f_number_ratio": 1.0, "gamma": 1.0, "axis_ratio": 1.0}
 _WITHOUT_NOTHING = (("surface_boiling", "correlation_frames"), ("full_well", "level_dn"), ("adc_bits", "bits"))
-_FIXED = ("scale_px", "mean_dn")
+_FIXED = ("scale_px", "mean_dn", "period_codes")
 
 
 @dataclass(frozen=True)
@@ -124,6 +124,13 @@ _CATALOGUE = (
     EffectInfo("gamma", "sensor", {"gamma": (0.93, 0.75)}, LIT_SEQUENCES),
     EffectInfo("nonlinearity", "sensor", {"cubic": (0.01, 0.05)}, LIT_SEQUENCES),
     EffectInfo("full_well", "sensor", {"level_dn": (650.0, 380.0)}, LIT_SEQUENCES),
+    EffectInfo(
+        "differential_nonlinearity",
+        "sensor",
+        {"amplitude_lsb": (0.1, 0.4), "period_codes": (4.0, 4.0)},
+        ALL_SEQUENCES,
+        integers=("period_codes",),
+    ),
     EffectInfo("adc_bits", "sensor", {"bits": (8.0, 6.0)}, ALL_SEQUENCES, integers=("bits",)),
     EffectInfo("bayer_mismatch", "sensor", {"delta": (0.015, 0.06)}, LIT_SEQUENCES),
     EffectInfo("image_lag", "sensor", {"fraction": (0.03, 0.15)}, MOVING_LASER_SEQUENCES, ("motion",)),

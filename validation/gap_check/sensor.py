@@ -197,6 +197,20 @@ def lagged(camera: Camera, signal: Stack, fraction: float) -> Stack:
     return (1.0 if reading == "added" else 1 - fraction) * signal[1:] + fraction * signal[:-1]
 
 
+def between_levels(analog: Stack, wave: dict[str, float], seed: int) -> Stack:
+    """What a converter with even levels would round to the codes of one whose code n is 1 + a cos(2 pi (n - m) / p) wide.
+
+    Its levels are the sums of the widths; between two of them a value keeps its share of the way.
+    """
+    widest = stream(seed, "differential_nonlinearity").uniform(0, wave["period_codes"])
+    codes = np.arange(int(np.floor(analog.min())) - 2, int(np.ceil(analog.max())) + 3)
+    turns = (codes - widest) / wave["period_codes"]
+    width = 1 + wave["amplitude_lsb"] * np.cos(2 * np.pi * turns)
+    levels = codes[0] - 0.5 + np.concatenate([[0.0], np.cumsum(width)])
+    levels += np.mean(codes - 0.5 - levels[:-1])  # no offset of its own
+    return np.interp(analog, levels, np.append(codes - 0.5, codes[-1] + 0.5))
+
+
 def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, frames: int, seed: int) -> Codes:
     """Codes (frames, height, width) of the light, which is (1 or frames or, with lag, frames + 1, height, width)."""
     name = sequence.name
@@ -241,6 +255,8 @@ def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, f
         analog += temporal_offsets(camera, name, effects, frames, seed)
     if "converter_ripple" in effects:  # integral nonlinearity of a folding converter
         analog += effects["converter_ripple"]["amplitude_dn"] * np.sin(2 * np.pi * analog / 96)
+    if "differential_nonlinearity" in effects:  # the levels at which the code changes lie off by a wave
+        analog = between_levels(analog, effects["differential_nonlinearity"], seed)
     if "adc_bits" in effects:
         step = 2.0 ** (camera.bits - effects["adc_bits"]["bits"])
         down = camera.readings.adc_bits == "down"

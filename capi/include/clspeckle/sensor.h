@@ -28,6 +28,9 @@
  *              + telegraph_step_dn * (b(x, y, t) - c) at telegraph pixels, b 0 or 1, c 0 (1/2 with telegraph_centered)
  *              r = exp(read_noise_spread * n7(x, y) - read_noise_spread^2): log-normal, mean square 1
  *     10. code = clip(d * round_half_to_even(v / d), 0, 2^bits - d),  d = 2^(bits - effective_bits)
+ *              With code_width_wave the n with L(n) <= v / d < L(n + 1) is in the place of the rounded v / d,
+ *              L(n) = m + code_width_wave / (2 sin(pi / P)) sin(2 pi (m - widest_code) / P), m = n - 1/2, P = code_width_period,
+ *              so that n is 1 + code_width_wave cos(2 pi (n - widest_code) / P) wide
  *
  * n1 to n10 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6 0x1b,
  * n7 0x1a, n8 0x1c, n9 0x1d, n10 0x1e.
@@ -121,6 +124,10 @@ typedef struct ClspSensorDesc {
      *  pixels multiply it. NULL (default): 1. */
     const float *gain_map;
     uint64_t gain_map_pitch_bytes; /**< From row to row; 0 (default) means tightly packed. */
+    double code_width_wave;      /**< Differential nonlinearity of the converter: amplitude of a wave of code widths, in codes, 0 to 0.5;
+                                      default 0: all are one code wide. FLOAT32 output without quantization has none. */
+    double code_width_period;    /**< Of the wave, codes, 2 to 16; default 4. */
+    double widest_code;          /**< A code where the wave is highest, 0 to 65536; default 0. */
 } ClspSensorDesc;
 
 /** @name Colour filters: which colours lie at the sites (0,0) (1,0) / (0,1) (1,1) */

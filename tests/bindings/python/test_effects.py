@@ -193,6 +193,11 @@ SAME: list[tuple[str, dict[str, float], dict[str, Any]]] = [
     ("hot_pixels", {"fraction": 0.01, "mean_dn": 200.0}, {"hot_pixel_fraction": 0.01, "hot_pixel_mean_dn": 200.0}),
     ("full_well", {"level_dn": 500.0}, {"saturation_dn": 500.0}),
     ("adc_bits", {"bits": 6.0}, {"effective_bits": 6}),
+    (
+        "differential_nonlinearity",
+        {"amplitude_lsb": 0.3, "period_codes": 8.0, "widest_code": 2.5},
+        {"code_width_wave": 0.3, "code_width_period": 8.0, "widest_code": 2.5},
+    ),
     ("gamma", {"gamma": 0.8}, {"gamma": 0.8}),
     ("image_lag", {"fraction": 0.2}, {"lag_fraction": 0.2}),
     ("bayer_mismatch", {"delta": 0.05, "green_diagonal": 0.0}, {"mosaic_gain": (1.0, 0.95, 1.05, 1.0)}),

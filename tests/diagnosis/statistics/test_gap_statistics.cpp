@@ -245,6 +245,7 @@ TEST(GapStatistics, SensorEffectsMoveTheirStatistics) {
     EXPECT_LT(named(layout, columns).at("row_noise"), 0.2);
     EXPECT_GT(named(layout, repeated).at("repeated_frames"), 1.0);
     EXPECT_GT(named(layout, lattice).at("codes_multiple_of_4"), 0.7);
+    EXPECT_LT(named(layout, lattice).at("codes_multiple_of_4_plus_1"), -0.2);
     EXPECT_GT(named(layout, lattice).at("histogram_roughness"), before.at("histogram_roughness") + 3.0);
     EXPECT_NEAR(named(layout, hot).at("hot_pixels_12_sigma"), std::sqrt(8.0 + 0.375), 0.6); // 7680 pixels: 8 of them
     EXPECT_NEAR(before.at("hot_pixels_12_sigma"), std::sqrt(0.375), 0.2);

@@ -110,6 +110,34 @@ TEST(Quantities, NoiseInTheDark) {
     EXPECT_EQ(value(all, "codes_at_zero"), 0.0);
 }
 
+// Codes that are as wide as 1 + 0.2 cos(2 pi (n - widest) / period), made by levels that are summed up from the widths, under noise
+// of 4 DN. Amplitude and widest code within 4 standard errors; even codes, few bits and a narrow law tell nothing.
+TEST(Quantities, WidthsOfCodes) {
+    for (const std::size_t period : {std::size_t{2}, std::size_t{4}}) {
+        const double widest = period == 2 ? 1.0 : 2.6;
+        std::vector<double> levels{-0.5};
+        for (std::size_t n = 0; n < 1024; ++n)
+            levels.push_back(levels.back() + 1.0 + 0.2 * std::cos(2.0 * M_PI * (double(n) - widest) / double(period)));
+        std::mt19937_64 generator(40 + period);
+        std::normal_distribution<double> normal(kBlack, kRead);
+        std::vector<std::uint16_t> codes(kFrames * kPixels);
+        for (std::uint16_t &code : codes)
+            code = std::uint16_t(std::upper_bound(levels.begin(), levels.end(), normal(generator)) - levels.begin() - 1);
+        const auto all = quantities(layout(clsp::CaptureScene::kDark, false), codes);
+        EXPECT_EQ(value(all, "code_width_period"), double(period));
+        EXPECT_NEAR(value(all, "code_width_wave"), 0.2, 4.0 * std::sqrt(2.0 / double(codes.size())));
+        const double error = value(all, "widest_code_error");
+        EXPECT_LT(error, 0.05);
+        EXPECT_NEAR(value(all, "widest_code"), widest, period == 2 ? 0.0 : 4.0 * error);
+    }
+    const auto nothing = quantities(layout(clsp::CaptureScene::kDark, false), even_frames({}, 42));
+    EXPECT_TRUE(std::isnan(value(nothing, "code_width_wave")));
+    std::vector<std::uint16_t> few = even_frames({}, 43);
+    for (std::uint16_t &code : few)
+        code = std::uint16_t(code / 2 * 2);
+    EXPECT_TRUE(std::isnan(value(quantities(layout(clsp::CaptureScene::kDark, false), few), "code_width_wave")));
+}
+
 // A wave at any frequency, beside column offsets: within 4 standard errors as the quantity itself has them, which are
 // small.
 TEST(Quantities, AWaveAndItsFrequencies) {

@@ -586,6 +586,12 @@ def test_response(camera: Camera) -> None:
     assert flat == pytest.approx(1023 * (signal / 1023) ** 0.8, abs=0.1)
     clipped = codes(camera, "board_moving", full_well={"level_dn": 400.0})
     assert clipped.max() < 400 + camera.black_dn + 7 * camera.read_noise_dn
+    dnl = {"amplitude_lsb": 0.4, "period_codes": 4.0}
+    uneven, even = (codes(camera, "flat", **effects) for effects in ({"differential_nonlinearity": dnl}, {}))
+    counts = [np.bincount(stack.astype(int).ravel() % 4) for stack in (uneven, even)]
+    widths = counts[0] / counts[1]
+    assert np.abs(np.fft.fft(widths))[1] == pytest.approx(2 * 0.4, rel=0.05)
+    assert uneven.mean() == pytest.approx(even.mean(), abs=0.02)
     coarse = codes(camera, "board_moving", adc_bits={"bits": 6.0})
     assert set(np.unique(coarse % 16)) == {0}
     assert coarse.max() == 1008

@@ -473,7 +473,7 @@ class ClspSensorDesc(Structure):
         ("cubic_nonlinearity", _f64), ("periodic_offset_dn", _f64), ("periodic_frequency_x", _f64),
         ("periodic_frequency_y", _f64), ("telegraph_fraction", _f64), ("telegraph_step_dn", _f64),
         ("telegraph_centered", _u32), ("reserved_telegraph", _u32), ("gain_map", _P(_f32)),
-        ("gain_map_pitch_bytes", _u64),
+        ("gain_map_pitch_bytes", _u64), ("code_width_wave", _f64), ("code_width_period", _f64), ("widest_code", _f64),
     ]
 
 

@@ -159,6 +159,9 @@ class PipelineParameters(TypedDict, total=False):
     telegraph_fraction: float | None
     telegraph_step_dn: float | None
     telegraph_centered: bool | None
+    code_width_wave: float | None
+    code_width_period: float | None
+    widest_code: float | None
     gain_map: npt.ArrayLike | None
     line_count: int | None
     sub_exposures: int | None

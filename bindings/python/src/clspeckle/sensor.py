@@ -147,6 +147,10 @@ class Sensor(Stage):
         telegraph_fraction: part of the pixels whose offset jumps in half of the frames, 0 to 1.
         telegraph_step_dn: by how much, >= 0.
         telegraph_centered: they jump by half of it up or down, and not up or not at all.
+        code_width_wave: differential nonlinearity of the ADC, the amplitude of a wave of code widths in codes, 0 to
+            0.5. A float32 output without quantization has none.
+        code_width_period: of the wave, in codes, 2 to 16.
+        widest_code: a code where the wave is highest, 0 to 65536.
         gain_map: (height, width) relative gains of the pixels (a PRNU map), >= 0, their mean 0.9 to 1.1; copied.
         quantize: False: a float32 output is only clipped, not quantized.
         context: None for :func:`default_context`.
@@ -207,6 +211,9 @@ class Sensor(Stage):
         telegraph_fraction: float | None = None,
         telegraph_step_dn: float | None = None,
         telegraph_centered: bool | None = None,
+        code_width_wave: float | None = None,
+        code_width_period: float | None = None,
+        widest_code: float | None = None,
         gain_map: npt.ArrayLike | None = None,
         context: Context | None = None,
     ) -> None:

@@ -53,7 +53,7 @@ TEST_F(Sensor, DescInit) {
                        desc.dsnu_dn, desc.column_offset_dn, desc.row_noise_dn, desc.column_noise_dn,
                        desc.read_noise_spread, desc.row_offset_dn, desc.dull_pixel_fraction, desc.cubic_nonlinearity,
                        desc.periodic_offset_dn, desc.periodic_frequency_x, desc.periodic_frequency_y,
-                       desc.telegraph_fraction, desc.telegraph_step_dn})
+                       desc.telegraph_fraction, desc.telegraph_step_dn, desc.code_width_wave, desc.widest_code})
         EXPECT_EQ(0.0, off);
     for (double one : {desc.quantum_efficiency, desc.gamma, desc.mosaic_gain[0], desc.mosaic_gain[1],
                        desc.mosaic_gain[2], desc.mosaic_gain[3]})
@@ -65,6 +65,7 @@ TEST_F(Sensor, DescInit) {
     EXPECT_EQ(0u, desc.shot_noise);
     EXPECT_EQ(0u, desc.effective_bits);
     EXPECT_EQ(0u, desc.telegraph_centered);
+    EXPECT_EQ(4.0, desc.code_width_period);
     EXPECT_EQ(nullptr, desc.gain_map);
     EXPECT_EQ(0u, desc.gain_map_pitch_bytes);
 }
@@ -104,6 +105,7 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         d.cubic_nonlinearity = 0.04;
         d.telegraph_fraction = 0.1;
         d.telegraph_step_dn = 20;
+        d.code_width_wave = 0.2;
     };
     const std::pair<const char *, Change> changes[] = {
         {"nothing", [](ClspSensorDesc &d) { d.read_noise_dn = 0; }},
@@ -135,6 +137,7 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"cubic", [](ClspSensorDesc &d) { d.cubic_nonlinearity = 0.05; }},
         {"cubic upwards", [](ClspSensorDesc &d) { d.cubic_nonlinearity = -0.05; }},
         {"telegraph noise", [](ClspSensorDesc &d) { d.telegraph_fraction = 0.1, d.telegraph_step_dn = 30; }},
+        {"code widths", [](ClspSensorDesc &d) { d.code_width_wave = 0.3, d.widest_code = 2; }},
         {"everything", everything},
     };
     setenv("CLSPECKLE_FFT", "clfft", 1); // contexts read it when they are made
@@ -577,6 +580,9 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
                                                     &ClspSensorDesc::periodic_frequency_y,
                                                     &ClspSensorDesc::telegraph_fraction,
                                                     &ClspSensorDesc::telegraph_step_dn,
+                                                    &ClspSensorDesc::code_width_wave,
+                                                    &ClspSensorDesc::code_width_period,
+                                                    &ClspSensorDesc::widest_code,
                                                     &ClspSensorDesc::dark_current_e_per_s,
                                                     &ClspSensorDesc::exposure_time_s,
                                                     &ClspSensorDesc::lag_fraction,
@@ -593,6 +599,9 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
             fails("", [&](ClspSensorDesc &d) { d.*member = bad; });
     for (double bad : {test::nan_value, test::infinity, -1.01, 0.26})
         fails("cubic_nonlinearity", [&](ClspSensorDesc &d) { d.cubic_nonlinearity = bad; });
+    fails("code_width_wave", [](ClspSensorDesc &d) { d.code_width_wave = 0.51; });
+    for (double bad : {1.9, 16.1})
+        fails("code_width_period", [&](ClspSensorDesc &d) { d.code_width_period = bad; });
     for (double bad : {test::nan_value, test::infinity, -274.0, 501.0}) {
         fails("temperature_c", [&](ClspSensorDesc &d) { d.temperature_c = bad; });
         fails("reference", [&](ClspSensorDesc &d) { d.dark_current_reference_temperature_c = bad; });

@@ -77,6 +77,8 @@ EFFECTS = {
     "telegraph_noise": {"telegraph_fraction": 0.1, "telegraph_step_dn": 40.0},
     "centered_telegraph_noise": {"telegraph_fraction": 0.1, "telegraph_step_dn": 40.0, "telegraph_centered": True},
     "noise_without_read_noise": {"read_noise_dn": 0.0, "row_noise_dn": 3.0, "column_noise_dn": 2.0},
+    "code_widths": {"code_width_wave": 0.3, "widest_code": 1.0},
+    "code_widths_of_a_long_period": {"code_width_wave": 0.5, "code_width_period": 15.5, "widest_code": 400.0},
     "effective_bits": {"effective_bits": 7},
     "one_effective_bit": {"effective_bits": 1},
 }
@@ -105,6 +107,8 @@ ALL = {
     "periodic_frequency_x": -0.11,
     "telegraph_fraction": 0.02,
     "telegraph_step_dn": 20.0,
+    "code_width_wave": 0.2,
+    "code_width_period": 8.0,
 }
 
 
@@ -540,6 +544,7 @@ def test_configure_keeps_no_memory_of_what_is_off(context):
             ({"lag_fraction": 0.1}, 8),  # the frame before, and this one
             ({"shot_noise": True, "conversion_gain_dn_per_e": 1.0}, 0),
             ({"telegraph_fraction": 0.1, "telegraph_step_dn": 9.0, "cubic_nonlinearity": 0.1}, 0),
+            ({"code_width_wave": 0.1}, 0),
             ({"row_noise_dn": 1.0, "column_noise_dn": 1.0, "gamma": 0.9, "crosstalk_fraction": 0.1}, 0),
         ):
             stage.configure(**option)
