@@ -38,7 +38,7 @@ void add_diagnose_options(CLI::App &app, DiagnoseArguments &a, bool &quiet) {
     number("--max-effects", a.max_effects,
            "Effects in one explanation at most, 1 to 64, beside such as turn out too slight to be named", "INTEGER")
         ->check(within(1u, 64u));
-    number("--threads", a.threads, "Of the host, at most 1024; 0: as many as the machine has", "INTEGER")
+    number("--threads", a.threads, "Of the host, 0 to 1024; 0: as many as the machine has", "INTEGER")
         ->check(within(0u, 1024u));
     app.add_option("--window", a.window,
                    "Part of the image that is judged, or whole; default: all of a small capture, a strip through the "
@@ -95,16 +95,13 @@ void add_capture_check(CLI::App &app, CaptureCheckArguments &a, bool &quiet) {
 void add_capture_init(CLI::App &app, CaptureInitArguments &a, bool &quiet) {
     app.footer(std::string(capture_init_examples) + "\n" + exit_codes);
     app.add_option("FOLDER", a.folder, "Folder of the frames")->required()->type_name("");
-    const auto number = [&](const char *name, std::optional<double> &value, const char *what, double low, double high) {
-        app.add_option(name, value, fmt::format("{}, {:g} to {:g}", what, low, high))
-            ->type_name("NUMBER")
-            ->take_last()
-            ->check(within(low, high));
+    const auto number = [&](const char *name, std::optional<double> &value, const Range &range, const char *what) {
+        add_number(app, name, value, range, what);
     };
-    number("--pixel-pitch-um", a.pixel_pitch_um, "Distance between pixel centres in um", 0.01, 1000.0);
-    number("--f-number", a.f_number, "f-number of the lens", 0.1, 1000.0);
-    number("--wavelength-nm", a.wavelength_nm, "Wavelength in nm", 100.0, 20000.0);
-    number("--read-noise-dn", a.read_noise_dn, "Read noise in DN (default: as the frames say)", 0.0, 65535.0);
+    number("--pixel-pitch-um", a.pixel_pitch_um, ranges::pixel_pitch_um, "Distance between pixel centres");
+    number("--f-number", a.f_number, ranges::f_number, "f-number of the lens");
+    number("--wavelength-nm", a.wavelength_nm, ranges::wavelength_nm, "Wavelength");
+    number("--read-noise-dn", a.read_noise_dn, ranges::noise_dn, "Read noise (default: as the frames say)");
     app.add_option("--bits", a.bits, "Bits of a code, 8 to 16 (default: as the codes say)")
         ->type_name("INTEGER")
         ->take_last()
@@ -149,7 +146,7 @@ void add_capture_make(CLI::App &app, CaptureMakeArguments &a, bool &quiet) {
         ->check(within(100.0, 20000.0));
     number("--degree-of-polarization", a.degree_of_polarization, "Of the returned light, 0 to 1", "NUMBER")
         ->check(within(0.0, 1.0));
-    number("--black-level-dn", a.black_level_dn, "Black level in DN, 0 to below the top code", "NUMBER")
+    number("--black-level-dn", a.black_level_dn, "Black level in DN, below the top code, 0 to 65535", "NUMBER")
         ->check(within(0.0, 65535.0));
     number("--read-noise-dn", a.read_noise_dn, "Standard deviation of the read noise in DN, 0 to 65535", "NUMBER")
         ->check(within(0.0, 65535.0));
@@ -174,7 +171,7 @@ void add_capture_make(CLI::App &app, CaptureMakeArguments &a, bool &quiet) {
     number("--dots-pitch", a.dots_pitch_px, "Distance between the dots of the jittered lattice in px, 2 to 16384",
            "NUMBER")
         ->check(within(2.0, 16384.0));
-    app.add_option("--dots-count", a.dots_count, "Instead of the pitch: about so many dots, at most 1000000")
+    app.add_option("--dots-count", a.dots_count, "Instead of the pitch: about so many dots, 0 to 1000000")
         ->type_name("INTEGER")
         ->check(within(no, 1000000u));
     number("--dots-jitter", a.dots_jitter_px, "Dots are moved by up to so many px along each axis, 0 to 16384",

@@ -38,34 +38,27 @@ Examples:
     text("--csv", a.csv, "Write all dots of all frames, also those without a depth, as a table", "FILE");
     text("--npy", a.npy, "Write the same as a structured NumPy array", "FILE");
     text("--pictures", a.pictures, "Write pictures of each frame into this folder: the dots on the frame with a legend, the depth in colors with a scale; and the depth as NPY", "FOLDER");
-    app.add_option("--near-m", a.near_m, "Least depth in m, above 0 (default: the geometry file's, else 0.2)")
-        ->type_name("NUMBER")
-        ->take_last();
-    app.add_option("--far-m", a.far_m, "Largest depth in m (default: the geometry file's, else 10)")
-        ->type_name("NUMBER")
-        ->take_last();
-    app.add_option(
-           "--relative-diameter", a.relative_diameter,
-           "Pixel pitch / (wavelength * f-number), for what speckle does to centres; 0: without (default: of the "
-           "geometry file's lens)")
-        ->type_name("NUMBER")
-        ->take_last();
-    const auto number = [&](const char *name, auto &value, const char *what) {
-        add_number_with_default(app, name, value, what);
+    add_number(app, "--near-m", a.near_m, ranges::depth_m, "Least depth (default: the geometry file's, else 0.2)");
+    add_number(app, "--far-m", a.far_m, ranges::depth_m, "Largest depth (default: the geometry file's, else 10)");
+    add_number(app, "--relative-diameter", a.relative_diameter, ranges::relative_diameter,
+               "Pixel pitch / (wavelength * f-number), for what speckle does to centres; 0: without (default: of the "
+               "geometry file's lens)");
+    const auto number = [&](const char *name, auto &value, const Range &range, const char *what) {
+        add_number_with_default(app, name, value, range, what);
     };
     ClspDepthDesc &d = a.desc;
-    number("--dot-sigma-px", d.dot_sigma_px, "Expected width of the dots in px, 0.5 to 5");
-    number("--read-noise-dn", d.read_noise_dn, "Standard deviation of the noise in the dark; 0: unknown");
-    number("--dn-per-electron", d.dn_per_electron, "Of the shot noise; 0: none");
-    number("--black-level-dn", d.black_level_dn, "Value without light");
-    number("--saturation-dn", d.saturation_dn, "Pixels at or above it are saturated; 0: none is");
-    number("--min-amplitude-dn", d.min_amplitude_dn, "Dots below it are not looked at");
-    number("--threshold-sigmas", d.threshold_sigmas, "Of the noise, where it is known");
-    number("--min-correlation", d.min_correlation, "With the expected dot, 0 to below 1");
-    number("--speckle-contrast", d.speckle_contrast, "Of the light, 0 to 1; unpolarized: 0.71");
-    number("--epipolar-tolerance-px", d.epipolar_tolerance_px, "Largest distance from a line, above 0 to 20");
-    number("--min-confidence", d.min_confidence, "Least probability of an identity, 0.5 to below 1");
-    number("--max-dots", d.max_dots, "Room for detected dots, 1 to 1000000");
+    number("--dot-sigma-px", d.dot_sigma_px, ranges::dot_sigma_px, "Expected width of the dots");
+    number("--read-noise-dn", d.read_noise_dn, ranges::noise_dn, "Standard deviation of the noise in the dark; 0: unknown");
+    number("--dn-per-electron", d.dn_per_electron, ranges::dn_per_electron, "Of the shot noise; 0: none");
+    number("--black-level-dn", d.black_level_dn, ranges::level_dn, "Value without light");
+    number("--saturation-dn", d.saturation_dn, ranges::noise_dn, "Pixels at or above it are saturated; 0: none is");
+    number("--min-amplitude-dn", d.min_amplitude_dn, ranges::noise_dn, "Dots below it are not looked at");
+    number("--threshold-sigmas", d.threshold_sigmas, ranges::sigmas, "Of the noise, where it is known");
+    number("--min-correlation", d.min_correlation, ranges::part, "With the expected dot, below 1");
+    number("--speckle-contrast", d.speckle_contrast, ranges::part, "Of the light; unpolarized: 0.71");
+    number("--epipolar-tolerance-px", d.epipolar_tolerance_px, ranges::tolerance_px, "Largest distance from a line");
+    number("--min-confidence", d.min_confidence, ranges::confidence, "Least probability of an identity, below 1");
+    number("--max-dots", d.max_dots, ranges::detected_dots, "Room for detected dots");
     app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
     text("--channel", a.channel, channel_help(), "TEXT");
     text("--raw", a.raw, raw_help(), "LAYOUT");

@@ -67,7 +67,6 @@ const std::vector<std::pair<std::string, std::string>> option_names = {
     {"pixel_pitch_m", "--pitch-um"},
     {"min_distance", "--min-distance"},
     {"min_difference", "--min-difference"},
-    {"half_angle_[xy]_rad", "half of --field-of-view"},
     {"row_half_height", "--row"},
     {"neighborhood_radius", "--radius"},
     {"repair_rounds", "--repair-rounds"},
@@ -371,25 +370,23 @@ void add_cell(CLI::App &app, DoeCellArguments &a, bool &json, bool &quiet) {
         ->allow_extra_args(false)
         ->check(unsigned_integer<std::uint32_t>())
         ->type_name("INTEGER,...");
-    add_number(app, "--pitch-um", a.pixel_pitch_um, "Side of a pixel in um (default 0.4)");
-    add_number(app, "--wavelength-nm", a.wavelength_nm, "Wavelength in nm (default 940)");
-    add_number(app, "--beam-um", a.beam_diameter_um,
-               "Diameter of the beam in um: dots closer than the diffraction limit are then refused");
-    add_number(app, "--dots", a.dots, fmt::format("How many dots, 1 to 100000 (default {})", a.dots));
-    app.add_option("--field-of-view", a.field_of_view_deg,
-                   fmt::format("Full angles in degrees, horizontal and vertical (default {:g},{:g})",
-                               a.field_of_view_deg[0], a.field_of_view_deg[1]))
-        ->delimiter(',')
+    add_number(app, "--pitch-um", a.pixel_pitch_um, ranges::pixel_pitch_um, "Side of a pixel (default 0.4)");
+    add_number(app, "--wavelength-nm", a.wavelength_nm, ranges::wavelength_nm, "Wavelength (default 940)");
+    add_number(app, "--beam-um", a.beam_diameter_um, ranges::beam_um,
+               "Diameter of the beam: dots closer than the diffraction limit are then refused");
+    add_number_with_default(app, "--dots", a.dots, ranges::dots, "How many dots");
+    add_numbers(app, "--field-of-view", a.field_of_view_deg, ranges::angle_deg,
+                fmt::format("Full angles, horizontal and vertical (default {:g},{:g})", a.field_of_view_deg[0],
+                            a.field_of_view_deg[1]))
         ->expected(1, 2)
-        ->allow_extra_args(false)
-        ->type_name("NUMBER,...");
-    add_number(app, "--min-distance", a.min_distance,
+        ->allow_extra_args(false);
+    add_number(app, "--min-distance", a.min_distance, ranges::distance_of_directions,
                "Least distance between dots in direction cosines (default: nearly the largest possible)");
-    add_number(app, "--min-difference", a.min_difference,
-               fmt::format("Of the neighbourhoods of any two dots of a row, 0 to 1; 0: measured only (default {})",
+    add_number(app, "--min-difference", a.min_difference, ranges::part,
+               fmt::format("Of the neighbourhoods of any two dots of a row; 0: measured only (default {})",
                            a.min_difference));
     app.add_flag("--symmetric", a.symmetric, "With every dot its mirror image, as elements of two levels make them");
-    add_number(app, "--seed", a.seed, fmt::format("Seed of everything random, 0 to 2^64 - 1 (default {})", a.seed));
+    add_seed(app, a.seed, "Seed of everything random");
     app.add_flag("--overwrite", a.overwrite, "Replace files that exist");
     app.add_flag("--json", json, "Print the figures as JSON on standard output, everything else on standard error");
     app.add_flag("--quiet", quiet, "Print warnings and errors only");
@@ -408,24 +405,24 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
     design.add_option("-o,--output", d.output, "Name of the files, without .npy and .json")
         ->required()
         ->type_name("NAME");
-    add_number_with_default(design, "--levels", d.levels, "Phase levels, 2 to 256; 0: continuous");
+    add_number_with_default(design, "--levels", d.levels, ranges::levels, "Phase levels; 0: continuous");
     design
         .add_option("--rule", d.rule,
                     "How the weights of the orders are adapted: gs, gsw, nogrette or kim (default gsw)")
         ->type_name("WORD")
         ->take_last()
         ->check(CLI::IsMember({"gs", "gsw", "nogrette", "kim"}));
-    add_number(design, "--feedback", d.feedback, "Of the rule (default 1; nogrette 0.7)");
-    add_number_with_default(design, "--iterations", d.iterations, "Before the phase is quantized");
-    add_number_with_default(design, "--quantization-iterations", d.quantization_iterations,
+    add_number(design, "--feedback", d.feedback, ranges::feedback, "Of the rule (default 1; nogrette 0.7)");
+    add_number_with_default(design, "--iterations", d.iterations, ranges::sweeps, "Before the phase is quantized");
+    add_number_with_default(design, "--quantization-iterations", d.quantization_iterations, ranges::sweeps,
                             "In which the levels are taken");
-    add_number_with_default(design, "--fix-phase-iteration", d.fix_phase_iteration,
+    add_number_with_default(design, "--fix-phase-iteration", d.fix_phase_iteration, ranges::sweeps,
                             "From which on kim keeps the phases of the orders");
-    add_number_with_default(design, "--search", d.search_sweeps, "Sweeps of direct binary search at most");
+    add_number_with_default(design, "--search", d.search_sweeps, ranges::sweeps, "Sweeps of direct binary search at most");
     design.add_flag("--keep-envelope", d.keep_envelope,
                     "Make the powers before the pixels' envelope as wanted, not those behind it");
     design.add_flag("--mirror", d.mirror, "With two levels: add missing mirror images to the list");
-    add_number(design, "--period-um", d.period_um, "Period of the cell in um, checked against --size and --pitch-um");
+    add_number(design, "--period-um", d.period_um, ranges::period_um, "Period of the cell, checked against --size and --pitch-um");
     design.add_option("--device", d.device, "OpenCL device, as for render")->type_name("TEXT");
     add_cell(design, d.cell, json, quiet);
 
@@ -436,14 +433,14 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
     layout.add_option("-o,--output", l.output, "Name of the file, without .json")->required()->type_name("NAME");
     layout.add_flag("--free", l.free, "Dots anywhere, not on the orders of a cell");
     add_number(
-        layout, "--row", l.row_half_height,
+        layout, "--row", l.row_half_height, ranges::distance_of_directions,
         "Dots whose v differ by no more may be mistaken for each other, in direction cosines (default: half of the "
         "least distance)");
-    add_number(layout, "--radius", l.neighborhood_radius,
+    add_number(layout, "--radius", l.neighborhood_radius, ranges::distance_of_directions,
                "Of a neighbourhood, in direction cosines (default: three mean spacings)");
-    add_number(layout, "--tolerance", l.tolerance,
+    add_number(layout, "--tolerance", l.tolerance, ranges::distance_of_directions,
                "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
-    add_number_with_default(layout, "--repair-rounds", l.repair_rounds, "In which dots that look alike are moved");
+    add_number_with_default(layout, "--repair-rounds", l.repair_rounds, ranges::sweeps, "In which dots that look alike are moved");
     add_cell(layout, l.cell, json, quiet);
 }
 

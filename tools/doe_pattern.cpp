@@ -238,51 +238,50 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     app.add_option("DESIGN", a.design, "Phase of the element: NAME.npy, with NAME.json beside it")
         ->required()
         ->type_name("");
-    const auto number = [&](const char *name, auto &value, const char *what) {
-        add_number_with_default(app, name, value, what);
+    const auto number = [&](const char *name, auto &value, const Range &range, const char *what) {
+        add_number_with_default(app, name, value, range, what);
     };
-    const auto numbers = [&](const char *name, auto &value, const char *what) {
-        app.add_option(name, value, what)->delimiter(',')->type_name("NUMBER,...");
+    const auto numbers = [&](const char *name, std::vector<double> &value, const Range &range, const char *what) {
+        add_numbers(app, name, value, range, what);
     };
     app.add_option("--beam", a.beam,
                    "gaussian, flat_circle, flat_square, super_gaussian, skewed or image (default gaussian)")
         ->check(known_words(beams))
         ->type_name("WORD");
-    numbers("--beam-sigma-um", a.beam_sigma_um,
+    numbers("--beam-sigma-um", a.beam_sigma_um, ranges::beam_um,
             "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
-    numbers("--beam-width-um", a.beam_width_um, "Full width of the other beams, or width,height (default 1000)");
-    number("--beam-order", a.beam_order, "Of a super-Gaussian beam");
-    numbers("--beam-skew", a.beam_skew, "Shape parameter of a skewed beam, or x,y");
-    number("--m-squared", a.m_squared, "Beam quality: the spots are that much wider");
+    numbers("--beam-width-um", a.beam_width_um, ranges::beam_um, "Full width of the other beams, or width,height (default 1000)");
+    number("--beam-order", a.beam_order, ranges::beam_order, "Of a super-Gaussian beam");
+    numbers("--beam-skew", a.beam_skew, ranges::beam_skew, "Shape parameter of a skewed beam, or x,y");
+    number("--m-squared", a.m_squared, ranges::beam_quality, "Beam quality: the spots are that much wider");
     app.add_option("--beam-image", a.beam_image, "Image of the beam's intensity over --beam-width-um")
         ->type_name("IMAGE");
     app.add_option("--transfer", a.transfer,
                    "How numbers of that image stand for light: auto (as the file says), linear or srgb (default auto)")
         ->check(known_words({"auto", "linear", "srgb"}))
         ->type_name("WORD");
-    number("--levels", a.levels, "Levels that manufacture has; 0: no limit");
-    number("--depth-error", a.depth_error, "All depths are (1 + this) times as deep");
-    number("--rounding-um", a.rounding_um, "Standard deviation by which the relief is blurred");
-    number("--etch-noise-nm", a.etch_noise_nm, "RMS error of each pixel's depth");
-    app.add_option("--refractive-index", a.refractive_index,
-                   "At the design's wavelength (default 1.4507, fused silica)")
-        ->type_name("NUMBER");
-    number("--dispersion-per-um", a.dispersion_per_um, "Change of the index with the wavelength");
-    number("--seed", a.seed, "Of the etch noise");
-    numbers("--wavelength-nm", a.wavelengths_nm, "Of the laser, or of its lines (default the design's)");
-    numbers("--line-power", a.line_powers, "Relative power of each line (default all equal)");
-    numbers("--doe-size-mm", a.doe_size_mm, "Size of the element, or width,height (default without limit)");
+    number("--levels", a.levels, ranges::levels, "Levels that manufacture has; 0: no limit");
+    number("--depth-error", a.depth_error, ranges::relative_depth_error, "All depths are (1 + this) times as deep");
+    number("--rounding-um", a.rounding_um, ranges::rounding_um, "Standard deviation by which the relief is blurred");
+    number("--etch-noise-nm", a.etch_noise_nm, ranges::etch_noise_nm, "RMS error of each pixel's depth");
+    add_number(app, "--refractive-index", a.refractive_index, ranges::refractive_index,
+               "At the design's wavelength (default 1.4507, fused silica)");
+    number("--dispersion-per-um", a.dispersion_per_um, ranges::dispersion_per_um, "Change of the index with the wavelength");
+    add_seed(app, a.seed, "Of the etch noise");
+    numbers("--wavelength-nm", a.wavelengths_nm, ranges::wavelength_nm, "Of the laser, or of its lines (default the design's)");
+    numbers("--line-power", a.line_powers, ranges::relative_power, "Relative power of each line (default all equal)");
+    numbers("--doe-size-mm", a.doe_size_mm, ranges::element_mm, "Size of the element, or width,height (default without limit)");
     app.add_option("--evaluation", a.evaluation, "orders, aperture or auto (default auto)")
         ->check(known_words(evaluations))
         ->type_name("WORD");
-    number("--oversampling", a.oversampling, "Directions per pixel of an aperture, 1 to 4");
-    number("--power-w", a.power_w, "Of the beam");
+    number("--oversampling", a.oversampling, ranges::samples, "Directions per pixel of an aperture");
+    number("--power-w", a.power_w, ranges::power_w, "Of the beam");
     app.add_option("--texels", a.texels, "Size of the image: width,height (default 2048,2048)")
         ->delimiter(',')
         ->expected(2)
         ->check(unsigned_integer<std::uint32_t>())
         ->type_name("W,H");
-    numbers("--half-extent", a.half_extent,
+    numbers("--half-extent", a.half_extent, ranges::cosine,
             "The image covers so much to each side in direction cosines, or x,y (default: all)");
     app.add_flag("--smooth", a.smooth, "The phase is smooth between the pixels' centres: no envelope of square pixels");
     app.add_option("--cache", a.cache, "Folder in which patterns are kept between runs")->type_name("FOLDER");

@@ -6,6 +6,7 @@
 #define CLSPECKLE_TOOLS_NUMBER_OPTIONS_HPP
 
 #include "errors.hpp"
+#include "ranges.hpp"
 
 #include <CLI/CLI.hpp>
 
@@ -13,7 +14,9 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -39,18 +42,61 @@ inline CLI::Validator known_words(const std::vector<std::string> &words) {
     return CLI::Validator([](std::string &) { return std::string(); }, fmt::format("{{{}}}", fmt::join(words, ",")));
 }
 
-/** An option of one number; its range is checked by the library. */
-template <typename T> CLI::Option *add_number(CLI::App &app, const char *name, T &value, const std::string &what) {
-    CLI::Option *option = app.add_option(name, value, what)->take_last();
+/** Refuses what is no number of the range; CLI11 puts the option's name in front. */
+template <typename T> CLI::Validator within(T low, T high) {
+    const auto check = [low, high](const std::string &text) -> std::string {
+        const char *first = text.data(), *last = text.data() + text.size();
+        T value{};
+        const auto result = std::from_chars(first, last, value);
+        if (result.ec == std::errc() && result.ptr == last && value >= low && value <= high) // NaN is neither
+            return {};
+        return fmt::format("is \"{}\"; expected {} from {} to {}", text,
+                           std::is_integral_v<T> ? "an integer" : "a number", low, high);
+    };
+    return CLI::Validator([check](std::string &text) { return check(text); }, "");
+}
+
+/** Refuses numbers beyond a range, and what is none. */
+template <typename T> CLI::Validator within(const Range &range) {
     if constexpr (std::is_integral_v<T>)
-        option->check(unsigned_integer<T>());
-    return option->type_name(std::is_integral_v<T> ? "INTEGER" : "NUMBER");
+        return within(static_cast<T>(range.low), static_cast<T>(range.high));
+    else
+        return within(range.low, range.high);
+}
+
+/** An option of one number. @param what with the default behind it. */
+template <typename T>
+CLI::Option *add_number(CLI::App &app, const char *name, T &value, const Range &range, const std::string &what) {
+    constexpr bool whole = std::is_integral_v<T> || std::is_same_v<T, std::optional<std::uint32_t>>;
+    return app.add_option(name, value, fmt::format("{}, {}", what, range.text()))
+        ->take_last()
+        ->check(within<std::conditional_t<whole, std::uint32_t, double>>(range))
+        ->type_name(whole ? "INTEGER" : "NUMBER");
 }
 
 /** The same, with the value that it has before as default. */
 template <typename T>
-CLI::Option *add_number_with_default(CLI::App &app, const char *name, T &value, const char *what) {
-    return add_number(app, name, value, fmt::format("{} (default {})", what, value));
+CLI::Option *add_number_with_default(CLI::App &app, const char *name, T &value, const Range &range, const char *what) {
+    const std::string fallback = fmt::format(" (default {})", value);
+    return add_number(app, name, value, range, what)->description(fmt::format("{}, {}{}", what, range.text(), fallback));
+}
+
+/** An option of several numbers, each of the range. */
+template <typename T>
+CLI::Option *add_numbers(CLI::App &app, const char *name, std::vector<T> &value, const Range &range,
+                         const std::string &what) {
+    return app.add_option(name, value, fmt::format("{}, each {}", what, range.text()))
+        ->delimiter(',')
+        ->check(within<T>(range))
+        ->type_name("NUMBER,...");
+}
+
+/** A seed: any number of 64 bits. */
+inline CLI::Option *add_seed(CLI::App &app, std::uint64_t &value, const char *what) {
+    return app.add_option("--seed", value, fmt::format("{}, 0 to 2^64 - 1 (default {})", what, value))
+        ->take_last()
+        ->check(unsigned_integer<std::uint64_t>())
+        ->type_name("INTEGER");
 }
 
 /** Takes one number for both axes, or one for each; nothing where none is given. */

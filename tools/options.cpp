@@ -3,6 +3,7 @@
 #include "errors.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "ranges.hpp"
 #include "text.hpp"
 
 #include <clspeckle/clspeckle.hpp>
@@ -46,17 +47,16 @@ Option integer(const char *section, const char *key, Json fallback, double low, 
     return o;
 }
 
-Option number(const char *section, const char *key, double fallback, double low, bool low_excluded, double high,
-              const char *unit, const char *help, std::vector<std::string> words = {}) {
+Option number(const char *section, const char *key, double fallback, const Range &range, const char *help,
+              std::vector<std::string> words = {}) {
     Option o;
     o.section = section;
     o.key = key;
     o.kind = Kind::number;
     o.fallback = std::isinf(fallback) ? Json("inf") : Json(fallback);
-    o.low = low;
-    o.low_excluded = low_excluded;
-    o.high = high;
-    o.unit = unit;
+    o.low = range.low;
+    o.high = range.high;
+    o.unit = range.unit;
     o.help = help;
     o.words = std::move(words);
     return o;
@@ -92,16 +92,16 @@ Option text(const char *section, const char *key, Kind kind, const std::string &
 }
 
 Option numbers(const char *section, const char *key, std::vector<double> fallback, std::vector<std::size_t> counts,
-               double low, bool low_excluded, const char *unit, const char *help) {
+               const Range &range, const char *help) {
     Option o;
     o.section = section;
     o.key = key;
     o.kind = Kind::numbers;
     o.fallback = std::move(fallback);
     o.counts = std::move(counts);
-    o.low = low;
-    o.low_excluded = low_excluded;
-    o.unit = unit;
+    o.low = range.low;
+    o.high = range.high;
+    o.unit = range.unit;
     o.help = help;
     return o;
 }
@@ -115,23 +115,21 @@ std::vector<Option> make_table() {
     const auto motion = clspeckle::make<ClspMotionDesc>();
     const auto pipeline = clspeckle::make<ClspPipelineDesc>();
     const auto frame = clspeckle::make<ClspFrame>();
-    const double infinity = std::numeric_limits<double>::infinity();
     const auto &pose = pattern.laser_from_geometry;
 
     std::vector<Option> table = {
-        number("aperture", "f_number", aperture.f_number, 0, true, infinity, "", "f-number of the lens"),
-        number("aperture", "pixel_pitch_m", aperture.pixel_pitch_m, 0, true, infinity, "m",
+        number("aperture", "f_number", aperture.f_number, ranges::f_number, "f-number of the lens"),
+        number("aperture", "pixel_pitch_m", aperture.pixel_pitch_m, ranges::pixel_pitch_m,
                "distance between two pixels of the sensor"),
-        number("aperture", "wavelength_m", aperture.wavelength_m, 0, true, infinity, "m", "wavelength of the laser"),
-        number(
-            "aperture", "relative_diameter", aperture.relative_diameter, 0, false, infinity, "cycles/px",
+        number("aperture", "wavelength_m", aperture.wavelength_m, ranges::wavelength_m, "wavelength of the laser"),
+        number("aperture", "relative_diameter", aperture.relative_diameter, ranges::relative_diameter,
             "diameter of the aperture in the frequency plane, at most the oversampling; 0: pixel_pitch / (wavelength * "
             "f_number)"),
-        number("aperture", "degree_of_polarization", aperture.degree_of_polarization, 0, false, 1, "",
+        number("aperture", "degree_of_polarization", aperture.degree_of_polarization, ranges::part,
                "of the light that the surface returns; below 1 two independent speckle patterns add up"),
-        number("aperture", "fill_factor", aperture.fill_factor, 0, false, 1, "",
+        number("aperture", "fill_factor", aperture.fill_factor, ranges::part,
                "light-sensitive part of a pixel's area; 0: the mean over its samples, a point without oversampling"),
-        number("aperture", "soft_rim", aperture.soft_rim, 0, false, 1, "",
+        number("aperture", "soft_rim", aperture.soft_rim, ranges::part,
                "part of the aperture's radius over which it falls from 1 to 0"),
         text("aperture", "pupil_image", Kind::file,
              "amplitude transmission of the pupil, 0 to 1 (integers: of full scale); empty: a circle"),
@@ -142,7 +140,7 @@ std::vector<Option> make_table() {
         integer("aperture", "guard_px", aperture.guard_px, 0, 16384, "px",
                 "padding at least this wide against light that wraps around the border"),
 
-        numbers("lens", "principal_point_px", {}, {0, 2}, -65536, false, "px",
+        numbers("lens", "principal_point_px", {}, {0, 2}, ranges::place_px,
                 "where the optical axis meets the image, x, y; none: its centre"),
 
         choice("phase", "field", {"circular_gaussian", "unit_phasor"}, phase.field,
@@ -153,34 +151,34 @@ std::vector<Option> make_table() {
              "a known sensor, for example OS04A10, whose settings replace the defaults; empty: none"),
         boolean("sensor", "enabled", true, "expose a sensor; without it the output is the intensity in front of it"),
         integer("sensor", "bits", sensor.bits, 8, 16, "", "bits of a code"),
-        number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, 0, false, infinity, "dn",
+        number("sensor", "exposure_gain_dn", sensor.exposure_gain_dn, ranges::gain,
                "codes per unit of intensity; auto: the 99.9th percentile of the first ideal image, speckled, has a "
                "mean of half of full scale, or of half of what a high black level and ambient light leave",
                {"auto"}),
-        number("sensor", "saturation_dn", sensor.saturation_dn, 0, true, infinity, "dn",
+        number("sensor", "saturation_dn", sensor.saturation_dn, ranges::saturation_dn,
                "the signal stops here; inf: only the converter clips"),
-        number("sensor", "black_level_dn", sensor.black_level_dn, -infinity, false, infinity, "dn",
+        number("sensor", "black_level_dn", sensor.black_level_dn, ranges::level_dn,
                "code without light"),
-        number("sensor", "read_noise_dn", sensor.read_noise_dn, 0, false, infinity, "dn",
+        number("sensor", "read_noise_dn", sensor.read_noise_dn, ranges::noise_dn,
                "standard deviation of the temporal noise"),
-        number("sensor", "exposure_time_s", sensor.exposure_time_s, 0, false, infinity, "s",
+        number("sensor", "exposure_time_s", sensor.exposure_time_s, ranges::time_s,
                "for the effect dark_current only: the exposure gain is per exposure"),
-        number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, 0, false, 1, "", "share of hot pixels"),
-        number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, 0, false, infinity, "dn",
+        number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, ranges::part, "share of hot pixels"),
+        number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, ranges::noise_dn,
                "mean offset of a hot pixel"),
-        number("sensor", "cold_pixel_fraction", sensor.cold_pixel_fraction, 0, false, 1, "",
+        number("sensor", "cold_pixel_fraction", sensor.cold_pixel_fraction, ranges::part,
                "share of pixels that see no light"),
         text("sensor", "dark_frame", Kind::file, "image of the mean dark signal above the black level, in dn"),
         text("sensor", "gain_map", Kind::file, "image of the pixels' relative gains (a PRNU map), with a mean of 1"),
         boolean("sensor", "quantize", sensor.quantize != 0, "round float outputs to codes"),
-        number("sensor", "float_full_scale", sensor.float_full_scale, 0, true, infinity, "",
+        number("sensor", "float_full_scale", sensor.float_full_scale, ranges::scale,
                "value of the top code in a float output"),
         integer("sensor", "seed", "auto", 0, max_seed, "", "seed of noise and bad pixels; auto: --seed", {"auto"}),
 
         text("pattern", "image", Kind::file, "the projected pattern of a scene, linear in radiant intensity"),
-        number("pattern", "half_extent_x", pattern.half_extent_x, 0, true, infinity, "",
+        number("pattern", "half_extent_x", pattern.half_extent_x, ranges::half_extent,
                "half of the pattern's width in pattern coordinates"),
-        number("pattern", "half_extent_y", pattern.half_extent_y, 0, true, infinity, "",
+        number("pattern", "half_extent_y", pattern.half_extent_y, ranges::half_extent,
                "half of the pattern's height in pattern coordinates"),
         choice("pattern", "projection", {"tangent_plane", "direction_cosines"}, pattern.projection,
                "pattern coordinates: x/z, y/z or x/d, y/d"),
@@ -188,18 +186,17 @@ std::vector<Option> make_table() {
                "what the pattern's values are: W/sr, or irradiance on a plane at unit distance"),
         choice("pattern", "filter", {"bilinear", "area"}, pattern.filter,
                "the pattern at a pixel's centre, or its mean over the pixel's footprint"),
-        number("pattern", "power_scale", pattern.power_scale, 0, false, infinity, "", "factor on the pattern's values"),
-        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12},
-                -infinity, false, "m", "pose of the laser, [R|t], 3 x 4 row by row"),
+        number("pattern", "power_scale", pattern.power_scale, ranges::gain, "factor on the pattern's values"),
+        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12}, ranges::pose_m, "pose of the laser, [R|t], 3 x 4 row by row"),
 
-        number("camera", "fx_px", geometry.fx_px, 0, false, infinity, "px", "focal length along x; needed with depth"),
-        number("camera", "fy_px", geometry.fy_px, 0, false, infinity, "px", "focal length along y; needed with depth"),
-        number("camera", "cx_px", geometry.cx_px, -infinity, false, infinity, "px",
+        number("camera", "fx_px", geometry.fx_px, ranges::focal_length_px, "focal length along x; needed with depth"),
+        number("camera", "fy_px", geometry.fy_px, ranges::focal_length_px, "focal length along y; needed with depth"),
+        number("camera", "cx_px", geometry.cx_px, ranges::place_px,
                "principal point, x; pixel centres are integers"),
-        number("camera", "cy_px", geometry.cy_px, -infinity, false, infinity, "px", "principal point, y"),
+        number("camera", "cy_px", geometry.cy_px, ranges::place_px, "principal point, y"),
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
-        otherwise(number("camera", "depth_scale", 1.0, 0, true, infinity, "m",
+        otherwise(number("camera", "depth_scale", 1.0, ranges::depth_unit_m,
                          "length of one unit of depths and positions: 0.001 for mm; auto: 1, and integers are refused"),
                   "auto"),
 
@@ -209,12 +206,12 @@ std::vector<Option> make_table() {
             "is drawn anew where the way is too long (replace); with it the refresh mask is off unless --refresh says "
             "so"),
         boolean("motion", "translate", false, "the speckle moves with the surfaces, whole samples at a time"),
-        number("motion", "frame_time_s", 0.0, 0, false, infinity, "s",
+        number("motion", "frame_time_s", 0.0, ranges::time_s,
                "time between two frames, for materials that live; a sequence.json gives its own"),
-        number("motion", "replace_threshold", motion.replace_threshold, 0, false, infinity, "",
+        number("motion", "replace_threshold", motion.replace_threshold, ranges::way,
                "way in correlation lengths above which --motion replace draws new speckle"),
 
-        number("surface", "subsurface_length_px", pipeline.subsurface_length_px, 0, false, infinity, "px",
+        number("surface", "subsurface_length_px", pipeline.subsurface_length_px, ranges::spread_px,
                "length over which light spreads in materials with a subsurface_fraction"),
 
         text("render", "device", Kind::text,
@@ -230,9 +227,9 @@ std::vector<Option> make_table() {
                "new speckle where the input's refresh mask is not 0, everywhere, or nowhere"),
         choice("render", "illumination", {"laser", "incoherent", "dark"}, frame.illumination,
                "speckled laser light, a lamp's light from an ideal image without speckle, or none: a covered lens"),
-        number("render", "irradiance_scale", 1.0, 0, true, infinity, "",
+        number("render", "irradiance_scale", 1.0, ranges::scale,
                "factor on an ideal image; integer images are divided by their top code first"),
-        otherwise(number("render", "full_scale", 1.0, 0, true, infinity, "",
+        otherwise(number("render", "full_scale", 1.0, ranges::scale,
                          "number of an ideal image that means 1, for example 1023 for codes of 10 bits; auto: the top "
                          "code of its integers, and 1 for others"),
                   "auto"),
@@ -313,7 +310,7 @@ std::string joined(const std::vector<std::string> &words, const char *last) {
 }
 
 bool in_range(const Option &o, double value) {
-    return std::isfinite(value) && (o.low_excluded ? value > o.low : value >= o.low) && value <= o.high;
+    return value >= o.low && value <= o.high; // NaN is neither
 }
 
 /** The value in the form in which it is kept, or an error. */
@@ -442,16 +439,9 @@ std::string Option::range() const {
                 sizes.push_back(std::to_string(count));
             text = joined(sizes, " or ") + " numbers";
         }
-        if (std::isfinite(low) || std::isfinite(high)) {
-            if (!text.empty())
-                text += ", each ";
-            if (std::isfinite(high) && high >= max_seed)
-                text += "0 to 2^64 - 1";
-            else if (std::isfinite(high))
-                text += fmt::format("{} to {}", number_text(low), number_text(high));
-            else
-                text += fmt::format("{} {}", low_excluded ? ">" : ">=", number_text(low));
-        }
+        if (!text.empty())
+            text += ", each ";
+        text += kind == Kind::integer && high >= max_seed ? "0 to 2^64 - 1" : fmt::format("{} to {}", number_text(low), number_text(high));
         if (!words.empty())
             text += (text.empty() ? "" : ", or ") + joined(words, " or ");
         if (kind == Kind::number && fallback == "inf")

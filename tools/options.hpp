@@ -12,7 +12,6 @@
 #include "io/image_io.hpp"
 
 #include <cstdint>
-#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -22,7 +21,7 @@ namespace tools {
 enum class Kind {
     boolean,
     integer, ///< Or one of the words, if there are any.
-    number,  ///< Or one of the words, if there are any; "inf" where the range has no end.
+    number,  ///< Or one of the words, if there are any; "inf" where that is the default.
     choice,  ///< One of the words.
     text,
     file,    ///< A path, relative to the configuration file that names it; "" for none.
@@ -35,9 +34,8 @@ struct Option {
     Kind kind = Kind::text;
     Json fallback;
     std::string unit;
-    double low = -std::numeric_limits<double>::infinity();
-    double high = std::numeric_limits<double>::infinity();
-    bool low_excluded = false;
+    double low = 0.0; ///< Of numbers; those between are taken.
+    double high = 0.0;
     std::vector<std::string> words;
     std::vector<std::size_t> counts;
     std::string help;
@@ -45,7 +43,7 @@ struct Option {
     std::string alias; ///< The name without its unit, where that is unique; else empty.
 
     std::string id() const { return section + "." + key; }
-    /** For example "> 0", "0 to 1", "none, all or mask". */
+    /** For example "0 to 1", "none, all or mask". */
     std::string range() const;
 };
 

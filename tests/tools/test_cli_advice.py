@@ -388,11 +388,6 @@ DOE: dict[str, tuple[list, str, list]] = {
     "size": ([*DESIGN, "--size", "0,96"], "a cell has at least one pixel along each axis", [*DESIGN, "--size", "96,96"]),
     "period": ([*DESIGN, *CELL, "--period-um", 50], "or leave one out", [*DESIGN, *CELL]),
     "period_is_changed": ([*DESIGN, *CELL, "--period-um", 50], "change one of --period-um", [*DESIGN, *CELL, "--period-um", 96]),
-    "angle": (
-        [*LAYOUT, *CELL, "-o", "l", "--field-of-view", "0,9"],
-        "half of --field-of-view",
-        [*LAYOUT, *CELL, *FIELD],
-    ),
     "free": ([*LAYOUT, *FIELD, *CELL, "--free"], "no effect with --free, which knows no cell", [*LAYOUT, *FIELD, "--free"]),
     "name": (
         [*LAYOUT, *CELL, *FIELD[2:], "-o", "./"],

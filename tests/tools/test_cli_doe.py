@@ -126,7 +126,7 @@ def test_the_figure_shows_where_the_light_is(ok: Callable[..., Run], design: Pat
         (["--seed", "-1"], "0 to 18446744073709551615"),
         (["--seed", str(2**64)], "--seed"),
         (["--levels", str(2**32 + 2)], "--levels"),
-        (["--beam-sigma-um", "-250"], "--beam-sigma-um is -250"),
+        (["--beam-sigma-um", "-250"], "expected a number from 0.1 to 1000000"),
         (["--refractive-index", "0"], "--refractive-index"),
         (["--beam", "flat_circle", "--beam-image", "cell.npy"], "no effect"),
         (["--transfer", "srgb"], "--transfer is of the numbers of --beam-image"),

@@ -140,10 +140,10 @@ def test_files_are_not_overwritten_unasked(cli, ok, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--dots", "0"), "--dots is 0"),
+        (("--dots", "0"), "expected an integer from 1 to 100000"),
         (("--free",), "no effect with --free"),
         (("--dots", "100000"), "orders within"),
-        (("--field-of-view", "0,20"), "half of --field-of-view"),
+        (("--field-of-view", "0,20"), "expected a number from 0.001 to 179.9"),
         (("--field-of-view", "100,100"), "90 degrees"),
         (("--min-distance", "0.2"), "find a place"),
         (("--min-distance", "nan"), "--min-distance"),
