@@ -32,8 +32,11 @@ def on_terminal(program: Path, folder: Path, *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("arguments", "bar"),
     [
-        (["render", "ideal.npy", "-o", "out", "--frames", "4000", "--no-preview"], r"\d+/4000 frames, [\d.]+/s, \d+ s left"),
-        (["doe", "design", "-o", "cell"], r"\d+ %, \d+ s left: \w+"),
+        (
+            ["render", "ideal.npy", "-o", "out", "--frames", "8000", "--no-preview"],
+            r"\d+/8000 frames, [\d.]+/s, \d+ s left",
+        ),
+        (["doe", "design", "-o", "cell", "--iterations", "1500"], r"\d+ %, \d+ s left: \w+"),
     ],
 )
 def test_time_that_is_left(program: Path, tmp_path: Path, arguments: list[str], bar: str) -> None:
