@@ -132,6 +132,12 @@ TEST(Quantities, WidthsOfCodes) {
     }
     const auto nothing = quantities(layout(clsp::CaptureScene::kDark, false), even_frames({}, 42));
     EXPECT_TRUE(std::isnan(value(nothing, "code_width_wave")));
+    std::mt19937_64 generator(44);
+    std::normal_distribution<double> normal(kBlack, 1.5); // exp(-2 pi^2 1.5^2 / 4^2) = 0.06 of a wave by itself
+    std::vector<std::uint16_t> narrow(kFrames * kPixels);
+    for (std::uint16_t &code : narrow)
+        code = code_of(normal(generator));
+    EXPECT_TRUE(std::isnan(value(quantities(layout(clsp::CaptureScene::kDark, false), narrow), "code_width_wave")));
     std::vector<std::uint16_t> few = even_frames({}, 43);
     for (std::uint16_t &code : few)
         code = std::uint16_t(code / 2 * 2);
