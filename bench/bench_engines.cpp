@@ -61,7 +61,7 @@ void intensity(benchmark::State &state, const char *engine, double degree_of_pol
         queue.finish();
     }
     const ClspApertureInfo info = aperture.info();
-    state.SetLabel(info.fft_backend);
+    state.SetLabel(info.fft_engine);
     state.counters["workspace_MB"] = double(info.workspace_bytes) * 1e-6;
     state.counters["ns_per_pixel"] = benchmark::Counter(
         double(width) * height * 1e-9, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);

@@ -84,10 +84,9 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
         result.relative_diameter = a->relative_diameter();
         result.mean_transmission = a->mean_transmission();
         result.workspace_bytes = a->workspace_bytes();
-        copy_text(result.fft_backend, a->engine().kind == EngineKind::kClfft ? "clFFT" : "fused");
+        copy_text(result.fft_backend, engine_name(a->engine().kind));
         copy_text(result.fft_reason, a->clfft_reason());
-        constexpr const char *kNames[] = {"fused-lanes", "fused-groups", "clfft"}; // by EngineKind
-        copy_text(result.fft_engine, kNames[static_cast<int>(a->engine().kind)]);
+        copy_text(result.fft_engine, engine_name(a->engine().kind));
         const WorkGroup columns = a->engine().columns.value_or(WorkGroup{}),
                         rows = a->engine().rows.value_or(WorkGroup{});
         result.column_lines = columns.lines;

@@ -434,7 +434,7 @@ class Renderer {
                  {{"relative_diameter", aperture.relative_diameter},
                   {"mean_transmission", aperture.mean_transmission},
                   {"pupil_samples", aperture.pupil_samples},
-                  {"fft_backend", aperture.fft_backend}}},
+                  {"fft_engine", aperture.fft_engine}}},
                 {"frames", frames_},
                 {"first_frame",
                  {{"mean", moments_.mean},

@@ -89,13 +89,13 @@ typedef struct ClspApertureInfo {
     double mean_transmission;     /**< Mean of |P|^2 over the grid's frequencies with CLSP_NORMALIZATION_TRANSMISSION: E[I] / I0 of a flat
                                        image, about pi D^2 / 4 for a circle. */
     uint64_t workspace_bytes;     /**< Work memory that a frame needs. */
-    char fft_backend[32];         /**< "fused" (the engines for CPUs and GPUs) or "clFFT". */
-    char fft_reason[192];         /**< Why it is not "fused": CLSPECKLE_FFT, a tuning record, the device, the size of the grid; "" if it is. */
-    char fft_engine[32];          /**< "fused-lanes", "fused-groups" or "clfft": cpu, gpu and clfft of CLSPECKLE_FFT. */
-    uint32_t column_lines;        /**< With fused-groups: columns in a work-group; else 0. */
-    uint32_t column_work_items;   /**< With fused-groups: work-items for each column; else 0. */
-    uint32_t row_lines;           /**< With fused-groups: rows in a work-group; else 0. */
-    uint32_t row_work_items;      /**< With fused-groups: work-items for each row; else 0. */
+    char fft_backend[32];         /**< The same as fft_engine. */
+    char fft_reason[192];         /**< Why it is "clfft": CLSPECKLE_FFT, a tuning record, the device, the size of the grid; "" if it is not. */
+    char fft_engine[32];          /**< "cpu", "gpu" or "clfft", the names of CLSPECKLE_FFT. */
+    uint32_t column_lines;        /**< With "gpu": columns in a work-group; else 0. */
+    uint32_t column_work_items;   /**< With "gpu": work-items for each column; else 0. */
+    uint32_t row_lines;           /**< With "gpu": rows in a work-group; else 0. */
+    uint32_t row_work_items;      /**< With "gpu": work-items for each row; else 0. */
     char fft_source[256];         /**< Whose choice it was: CLSPECKLE_FFT, a tuning record with its size (tuning.h), a default. Cut to fit. */
 } ClspApertureInfo;
 

@@ -120,7 +120,7 @@ TEST_F(Tuning, ARunWritesARecordThatIsFollowed) {
     EXPECT_STREQ(info.fft_engine, aperture_info(before, 48, 32).fft_engine); // read once
     const ClspApertureInfo changed = aperture_info(logged(), 48, 32);
     EXPECT_STREQ("clfft", changed.fft_engine);
-    EXPECT_STREQ("clFFT", changed.fft_backend);
+    EXPECT_STREQ("clfft", changed.fft_backend);
     EXPECT_EQ("the tuning record " + path + ", 48 x 32", changed.fft_reason);
     EXPECT_EQ("clfft: the tuning record " + path + ", 48 x 32", clspeckle::Tuning::explain(logged(), 40, 40));
     EXPECT_EQ(path, clspeckle::Tuning::record_path(logged()));

@@ -11,7 +11,7 @@ PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeck
 
 
 def run(*words: object, statistics: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "CLSPECKLE_FFT": "fused", "CLSPECKLE_STATISTICS": statistics, "CLSPECKLE_LOG": "info"}
+    environment = {**os.environ, "CLSPECKLE_STATISTICS": statistics, "CLSPECKLE_LOG": "info"}
     command = [str(word) for word in (PROGRAM, *words)]
     return subprocess.run(command, env=environment, check=False, capture_output=True, text=True)
 

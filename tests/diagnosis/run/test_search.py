@@ -19,9 +19,7 @@ PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeck
 def diagnose(capture: Path) -> dict:
     report = capture / "report.json"
     command = [str(PROGRAM), "diagnose", str(capture), "--json", str(report), "--quiet"]
-    done = subprocess.run(
-        command, env={**os.environ, "CLSPECKLE_FFT": "fused"}, check=False, capture_output=True, text=True
-    )
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(report.read_text())["cause"]
 

@@ -48,18 +48,16 @@ class ApertureInfo:
     """Mean of abs(P)^2 over the grid's frequencies before any normalization: E[I] / I0 of a flat image."""
     workspace_bytes: int
     """Work memory that a frame needs."""
-    fft_backend: str
-    """"fused" (the engines for CPUs and GPUs) or "clFFT"."""
-    fft_reason: str
-    """Why it is not "fused"; empty if it is."""
     fft_engine: str
-    """"fused-lanes", "fused-groups" or "clfft": cpu, gpu and clfft of CLSPECKLE_FFT."""
+    """"cpu", "gpu" or "clfft", the names of CLSPECKLE_FFT."""
+    fft_reason: str
+    """Why it is "clfft"; empty if it is not."""
     fft_source: str
     """Whose choice it was: CLSPECKLE_FFT, a tuning record with its size (:func:`tune`), a default."""
     column_group: tuple[int, int] | None
-    """With "fused-groups": columns in a work-group, and work-items for each of them."""
+    """With "gpu": columns in a work-group, and work-items for each of them."""
     row_group: tuple[int, int] | None
-    """With "fused-groups": rows in a work-group, and work-items for each of them."""
+    """With "gpu": rows in a work-group, and work-items for each of them."""
 
 
 class Aperture(Stage):
