@@ -46,6 +46,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
     field(d.defocus_waves, p.pupil.defocus_waves);
     field(d.zernike_waves, p.pupil.zernike_waves);
     field(d.fill_factor, p.fill_factor);
+    field(d.pupil_image_imaginary, p.pupil.image_imaginary);
 };
 
 ClspApertureDesc aperture_defaults() {

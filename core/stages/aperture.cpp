@@ -119,19 +119,21 @@ void Aperture::configure(const ApertureParameters &p) {
         own_workspace_ = std::move(workspace);
     }
     // The caller's pupil image need not outlive the call.
-    if (p.pupil.image && p.pupil.image != pupil_image_.data()) {
+    parameters_ = p;
+    const auto keep = [&](const float *image, std::vector<float> &kept) -> const float * {
+        if (!image || image == kept.data())
+            return image;
         const std::uint64_t row = std::uint64_t{p.pupil.image_width} * sizeof(float);
         const std::uint64_t pitch = (p.pupil.image_pitch_bytes ? p.pupil.image_pitch_bytes : row) / sizeof(float);
-        pupil_image_.clear();
+        kept.clear();
         for (std::uint32_t y = 0; y < p.pupil.image_height; ++y)
-            pupil_image_.insert(pupil_image_.end(), p.pupil.image + y * pitch,
-                                p.pupil.image + y * pitch + p.pupil.image_width);
-    }
-    parameters_ = p;
-    if (p.pupil.image) {
-        parameters_.pupil.image = pupil_image_.data();
+            kept.insert(kept.end(), image + y * pitch, image + y * pitch + p.pupil.image_width);
+        return kept.data();
+    };
+    parameters_.pupil.image = keep(p.pupil.image, pupil_image_);
+    parameters_.pupil.image_imaginary = keep(p.pupil.image_imaginary, pupil_image_imaginary_);
+    if (p.pupil.image)
         parameters_.pupil.image_pitch_bytes = 0;
-    }
     relative_diameter_ = diameter;
     degree_of_polarization_ = p.degree_of_polarization;
     mean_transmission_ = pupil.mean_transmission;

@@ -84,8 +84,8 @@ class Aperture {
     Field &field_of(const Exposure &exposure) { return exposure.field ? *exposure.field : plain_field_; }
 
     std::shared_ptr<Context> context_;
-    ApertureParameters parameters_; // the pupil's image is in pupil_image_
-    std::vector<float> pupil_image_;
+    ApertureParameters parameters_; // the pupil's image is in the two below
+    std::vector<float> pupil_image_, pupil_image_imaginary_;
     FieldGrid grid_;
     double relative_diameter_;
     double degree_of_polarization_;

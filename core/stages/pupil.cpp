@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <fmt/core.h>
 #include <optional>
 #include <string>
@@ -33,11 +34,30 @@ class PupilImage {
   public:
     explicit PupilImage(const PupilParameters &p) : width_(p.image_width), height_(p.image_height) {
         check_image_size(width_, height_, "pupil_image");
-        pixels_ = copy_host_image(
-            {p.image, width_, height_, p.image_pitch_bytes, "pupil_image", "pupil_pitch_bytes"},
-            [](float t) { return t >= 0.0f && t <= 1.0f; }, "transmissions must be 0 to 1");
+        const bool is_complex = p.image_imaginary;
+        const float least = is_complex ? -1.0f : 0.0f;
+        const auto part = [&](const float *pixels, const char *name) {
+            return copy_host_image(
+                {pixels, width_, height_, p.image_pitch_bytes, name, "pupil_pitch_bytes"},
+                [&](float t) { return t >= least && t <= 1.0f; },
+                is_complex ? "parts of transmissions must be -1 to 1" : "transmissions must be 0 to 1");
+        };
+        const std::vector<float> real = part(p.image, "pupil_image");
+        pixels_.assign(real.begin(), real.end());
+        if (!is_complex)
+            return;
+        const std::vector<float> imaginary = part(p.image_imaginary, "pupil_image_imaginary");
+        constexpr double kMost = 1.0 + 1e-6; // exp(i phi) in single precision
+        for (std::size_t i = 0; i < pixels_.size(); ++i) {
+            pixels_[i].imag(imaginary[i]);
+            if (std::abs(pixels_[i]) > kMost)
+                throw Error(Status::kInvalidData,
+                            fmt::format("pupil_image and pupil_image_imaginary have the magnitude {2} at [{0}, {1}]; "
+                                        "transmissions must have one of 0 to 1",
+                                        i / width_, i % width_, std::abs(pixels_[i])));
+        }
     }
-    double operator()(double u, double v) const {
+    std::complex<double> operator()(double u, double v) const {
         const double x = std::clamp((u + 1.0) * 0.5 * width_ - 0.5, 0.0, width_ - 1.0);
         const double y = std::clamp((v + 1.0) * 0.5 * height_ - 0.5, 0.0, height_ - 1.0);
         const auto x0 = static_cast<std::uint32_t>(x), y0 = static_cast<std::uint32_t>(y);
@@ -47,10 +67,10 @@ class PupilImage {
     }
 
   private:
-    double at(std::uint32_t x, std::uint32_t y) const { return pixels_[std::size_t{y} * width_ + x]; }
+    std::complex<double> at(std::uint32_t x, std::uint32_t y) const { return pixels_[std::size_t{y} * width_ + x]; }
 
     std::uint32_t width_, height_;
-    std::vector<float> pixels_;
+    std::vector<std::complex<double>> pixels_;
 };
 
 // Distance from the axis to the polygon's boundary in a direction, the rim at 1. With n blades the chord between two
@@ -79,7 +99,7 @@ class Polygon {
 
 void check(const PupilParameters &p) {
     check_fraction(p.soft_rim, "soft_rim");
-    if (p.shape != PupilShape::kImage && p.image)
+    if (p.shape != PupilShape::kImage && (p.image || p.image_imaginary))
         throw Error(Status::kInvalidArgument,
                     fmt::format("pupil_image was given, but pupil is {}; make it an image",
                                 p.shape == PupilShape::kCircle    ? "a circle"
@@ -218,8 +238,12 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
     Pupil pupil;
     pupil.transmission.assign(grid.samples(), 0.0f);
     std::vector<double> waves;
-    if (aberrated(p))
+    // A complex image's turns stand apart: whole ones are lost, so that their slope is not known.
+    std::vector<float> image_turns;
+    if (aberrated(p) || p.image_imaginary)
         waves.assign(grid.samples(), 0.0);
+    if (p.image_imaginary)
+        image_turns.assign(grid.samples(), 0.0f);
     std::optional<PupilImage> image;
     if (p.shape == PupilShape::kImage)
         image.emplace(p);
@@ -241,8 +265,13 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
             if (image) {
                 // The boundary itself is out, as the circle's rim is; the margin is the circle's.
                 const double way = std::max(std::abs(u), std::abs(v));
-                if (way < kInside)
-                    t = (*image)(u, v) * rim(way, p.soft_rim);
+                if (way < kInside) {
+                    const std::complex<double> amplitude = (*image)(u, v);
+                    t = std::abs(amplitude) * rim(way, p.soft_rim);
+                    if (!image_turns.empty())
+                        image_turns[std::size_t{y} * width + x] =
+                            static_cast<float>(std::arg(amplitude) / (2.0 * M_PI));
+                }
             } else if (k2 < limit && !polygon && p.soft_rim == 0.0) {
                 t = 1.0;
             } else if (k2 < limit) {
@@ -283,7 +312,8 @@ Pupil make_pupil(const PupilParameters &p, const FieldGrid &grid, double relativ
             float &t = pupil.transmission[i];
             t = static_cast<float>(t * scale);
             if (!waves.empty() && t > 0.0f)
-                pupil.phase_turns[i] = static_cast<float>(std::remainder(waves[i], 1.0));
+                pupil.phase_turns[i] =
+                    static_cast<float>(std::remainder(waves[i] + (image_turns.empty() ? 0.0f : image_turns[i]), 1.0));
         }
     return pupil;
 }

@@ -27,7 +27,8 @@ struct PupilParameters {
     // Over this part of the way from the axis to the boundary the transmission falls from 1 to 0 by a raised cosine;
     // likewise at the obstruction, over this part of its radius.
     double soft_rim = 0.0;
-    const float *image = nullptr; // host memory, read only while the pupil is made
+    // Host memory, read only while the pupil is made: amplitudes, or their real parts where there are imaginary ones.
+    const float *image = nullptr, *image_imaginary = nullptr;
     std::uint32_t image_width = 0, image_height = 0;
     std::uint64_t image_pitch_bytes = 0;
 
@@ -43,12 +44,14 @@ struct PupilParameters {
     double defocus_waves = 0.0;                        // times rho^2
     std::array<double, kZernikeCount> zernike_waves{}; // RMS over the full circle, times Noll's orthonormal polynomials
 };
-CLSP_EQUALITY(PupilParameters, shape, normalization, soft_rim, image, image_width, image_height, image_pitch_bytes,
-              blade_count, blade_rotation_rad, blade_curvature, obstruction_ratio, defocus_waves, zernike_waves)
+CLSP_EQUALITY(PupilParameters, shape, normalization, soft_rim, image, image_imaginary, image_width, image_height,
+              image_pitch_bytes, blade_count, blade_rotation_rad, blade_curvature, obstruction_ratio, defocus_waves,
+              zernike_waves)
 
 struct Pupil {
     std::vector<float> transmission; // grid_height x grid_width, FFT order, normalized as asked
-    // W in turns, reduced to [-1/2, 1/2], where something passes, 0 elsewhere; FFT order. Empty without aberrations.
+    // W in turns, reduced to [-1/2, 1/2], where something passes, 0 elsewhere; FFT order. Empty without aberrations and
+    // with a real image.
     std::vector<float> phase_turns;
     std::uint32_t samples = 0;      // frequencies that pass
     double mean_transmission = 0.0; // mean of |P|^2 with Normalization::kTransmission

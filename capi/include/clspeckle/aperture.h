@@ -68,6 +68,9 @@ typedef struct ClspApertureDesc {
      *  band that D leaves (weights over oversampling + 4 or + 6 samples along each axis). 0 (default): the mean over the pixel's own
      *  samples, which without oversampling is a point. Right where D <= oversampling / 2: beyond, the samples are aliased already. */
     double fill_factor;
+    /** Imaginary parts of the amplitude transmissions, whose real parts are pupil_image: as many pixels in rows of the same pitch; copied.
+     *  Parts are -1 to 1, magnitudes 0 to 1; looked up as complex numbers. NULL (default): pupil_image is real. */
+    const float *pupil_image_imaginary;
 } ClspApertureDesc;
 
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspApertureDesc). */
@@ -108,8 +111,8 @@ CLSP_API ClspStatus clspApertureGetInfo(ClspAperture aperture, ClspApertureInfo 
 CLSP_API ClspStatus clspApertureSetWorkspace(ClspAperture aperture, cl_mem mem, uint64_t offset_bytes,
                                              uint64_t size_bytes);
 
-/** Writes P, FFT order (frequency 0 first), after normalization. @param pupil image of grid_width x grid_height; FLOAT32, or with defocus or
- *  aberrations FLOAT32X2 (re, im). */
+/** Writes P, FFT order (frequency 0 first), after normalization. @param pupil image of grid_width x grid_height; FLOAT32, or with defocus,
+ *  aberrations or a complex image FLOAT32X2 (re, im). */
 CLSP_API ClspStatus clspApertureEnqueuePupil(ClspAperture aperture, cl_command_queue queue, const ClspImage *pupil,
                                              uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
                                              cl_event *event);

@@ -98,7 +98,7 @@ class ClspApertureDesc(Structure):
         ("degree_of_polarization", _f64), ("pupil_image", _P(_f32)), ("pupil_width", _u32), ("pupil_height", _u32),
         ("pupil_pitch_bytes", _u64), ("blade_count", _u32), ("reserved_blades", _u32), ("blade_rotation_rad", _f64),
         ("blade_curvature", _f64), ("obstruction_ratio", _f64), ("defocus_waves", _f64), ("zernike_waves", _f64 * 12),
-        ("fill_factor", _f64),
+        ("fill_factor", _f64), ("pupil_image_imaginary", _P(_f32)),
     ]
 
 

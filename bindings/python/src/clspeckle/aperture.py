@@ -76,9 +76,10 @@ class Aperture(Stage):
         guard_px: pixels of padding at least; as that of the phase.
         soft_rim: part of the radius, 0 to 1, over which the pupil falls from 1 to 0 by a raised cosine.
         pupil: "circle", "polygon" (a diaphragm of blades, corners on the rim), "ring" (a circle with its centre
-            blocked) or "image"; None: what pupil_image or blade_count ask for, else a circle.
-        pupil_image: (height, width) amplitude transmissions in [0, 1] instead of a circle; covers the square of side
-            D around the axis.
+            blocked) or "image"; None: what pupil_image or blade_count ask for, else a circle. An array is a
+            pupil_image.
+        pupil_image: (height, width) amplitude transmissions instead of a circle, real ones in [0, 1] or complex ones of
+            magnitudes up to 1; covers the square of side D around the axis, and is looked up bilinearly.
         blade_count: of a polygon, 3 to 32.
         blade_rotation_rad: turns the polygon; 0: a corner points along +x.
         blade_curvature: 0: straight edges, 1: the circle through the corners.
@@ -114,7 +115,7 @@ class Aperture(Stage):
         oversampling: int | None = None,
         guard_px: int | None = None,
         soft_rim: float | None = None,
-        pupil: str | None = None,
+        pupil: str | npt.ArrayLike | None = None,
         pupil_image: npt.ArrayLike | None = None,
         blade_count: int | None = None,
         blade_rotation_rad: float | None = None,
@@ -127,6 +128,10 @@ class Aperture(Stage):
         context: Context | None = None,
     ) -> None:
         workspace_from_host = bool(_check.flag(workspace_from_host, "workspace_from_host"))  # None is no choice
+        if hasattr(pupil, "__len__") and not isinstance(pupil, (str, bytes)):
+            if pupil_image is not None:
+                raise TypeError("pupil is an array, and pupil_image was given, too; give one of them")
+            pupil, pupil_image = None, _check.array(pupil, "pupil")
         desc = self._arguments.describe_image(shape, locals())
         if relative_diameter is not None and desc.relative_diameter == 0:
             # For C a 0 means "not given"; here None does.
@@ -135,10 +140,11 @@ class Aperture(Stage):
         if zernike_waves is not None:
             desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
-            image = _check.light_plane(pupil_image, "pupil_image", mean=False)
-            _check.within(image, "pupil_image", 0.0, 1.0)
+            image, imaginary = _amplitudes(pupil_image)
             desc.pupil_image = _check.pointer(image)
             desc.pupil_height, desc.pupil_width = image.shape
+            if imaginary is not None:
+                desc.pupil_image_imaginary = _check.pointer(imaginary)
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self._keeps_mean = desc.normalization == _library.CLSP_NORMALIZATION_UNIT_MEAN
@@ -189,8 +195,8 @@ class Aperture(Stage):
             _library.call("clspApertureSetWorkspace", self._get(), pointer, offset, size)
 
     def pupil(self, *, queue: QueueLike | None = None) -> npt.NDArray[Any]:
-        """P after normalization, (grid_height, grid_width), FFT order (frequency 0 first): float32, or with defocus or
-        aberrations complex64. Blocks."""
+        """P after normalization, (grid_height, grid_width), FFT order (frequency 0 first): float32, or with defocus,
+        aberrations or a complex image complex64. Blocks."""
         info = self.info()
         shape = (info.grid_height, info.grid_width)
         with exclusive(self):
@@ -211,8 +217,8 @@ class Aperture(Stage):
         queue: QueueLike | None = None,
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
-        """:meth:`pupil` into a float32 device image of (grid_height, grid_width), asynchronously; with defocus or
-        aberrations of (grid_height, grid_width, 2), real and imaginary part."""
+        """:meth:`pupil` into a float32 device image of (grid_height, grid_width), asynchronously; with defocus,
+        aberrations or a complex image of (grid_height, grid_width, 2), real and imaginary part."""
         info = self.info()
         with exclusive(self):
             command = self._asynchronous(queue, wait_for)
@@ -268,6 +274,25 @@ def _shape_of_pupil(pupil: Any, pupil_image: Any, blade_count: Any) -> int:
     if blade_count is not None and pupil != "polygon":
         raise errors.InvalidArgumentError(f'pupil is "{pupil}", but blade_count was given, which is for "polygon"')
     return shape
+
+
+def _amplitudes(value: Any) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
+    """The real and, if there are any, imaginary parts of a pupil's transmissions."""
+    given = _check.array(value, "pupil_image")
+    if given.dtype.kind != "c":
+        image = _check.light_plane(given, "pupil_image", mean=False)
+        _check.within(image, "pupil_image", 0.0, 1.0)
+        return image, None
+    _check.check_shape(given, "pupil_image", (None, None))
+    magnitude = np.abs(given)
+    bad = ~(magnitude <= 1 + 1e-6)
+    if bad.any():
+        raise errors.InvalidDataError(
+            f"pupil_image must hold complex numbers of magnitudes from 0 to 1; {_check.places(bad)}, value "
+            f"{given[np.unravel_index(int(np.argmax(bad)), bad.shape)]}, out of that"
+        )
+    parts = (np.clip(np.ascontiguousarray(part, np.float32), -1, 1) for part in (given.real, given.imag))
+    return next(parts), next(parts)
 
 
 def _zernike(value: Any) -> ctypes.Array[ctypes.c_double]:

@@ -119,6 +119,11 @@ class Phase(Stage):
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.polarization_count: int = desc.polarization_count
+        self._holds_any_field = (desc.field, desc.dynamics, desc.translate) == (
+            _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
+            _library.CLSP_DYNAMICS_REPLACE,
+            0,
+        )
         self.grid = field_grid(self.shape, oversampling=desc.oversampling, guard_px=desc.guard_px)
 
     @property
@@ -283,6 +288,37 @@ class Phase(Stage):
             with Buffer(source.nbytes, context=self.context) as memory:
                 written = memory.enqueue_write(source, queue=queue)
                 self.enqueue_restore(memory, queue=queue, wait_for=[written]).wait()
+
+    def set_field(self, field: npt.ArrayLike, *, queue: QueueLike | None = None) -> None:
+        """Takes a field of the caller's own as z, until the next refresh. Blocks.
+
+        Args:
+            field: (height, width) of :attr:`grid_shape`, complex or real, of a phase with one polarization; else
+                (polarization_count, height, width). Light of a mean of 1 has a mean square of 1.
+
+        Needs a circular Gaussian field, which holds any numbers, with dynamics "replace" and without `translate`.
+        Frames without a refresh image it.
+        """
+        if not self._holds_any_field:
+            raise errors.InvalidStateError(
+                'a field of your own needs a phase with field "circular_gaussian", dynamics "replace" and '
+                "translate=False; make the phase so"
+            )
+        given = _check.array(field, "field")
+        if given.dtype.kind not in "fc":
+            raise errors.InvalidFormatError(f"field has dtype {given.dtype}, expected complex64 or real numbers")
+        whole = (self.polarization_count, *self.grid_shape)
+        if given.shape not in ({whole, whole[1:]} if self.polarization_count == 1 else {whole}):
+            raise errors.InvalidArgumentError(
+                f"field has shape {given.shape}, expected {whole if self.polarization_count > 1 else whole[1:]}: "
+                "polarizations, and samples of the field grid (grid_shape)"
+            )
+        with np.errstate(over="ignore"):
+            z = np.ascontiguousarray(given, np.complex64)
+        bad = ~np.isfinite(z)
+        if bad.any():
+            raise errors.InvalidDataError(f"field must hold finite numbers; {_check.places(bad)} are not")
+        self.restore(z.reshape(-1).view(np.uint8), queue=queue)
 
     def enqueue_save(
         self,

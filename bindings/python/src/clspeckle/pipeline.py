@@ -76,6 +76,7 @@ class PipelineParameters(TypedDict, total=False):
     names.
 
     ``seed`` goes to phase, sensor and the pipeline itself, ``oversampling`` and ``guard_px`` to phase and aperture.
+    ``field`` may be a field of the caller's own, as for :meth:`Phase.set_field`: frames have it until a refresh.
     There is a lens if one of its parameters is given. ``effects`` maps ids of :func:`effects` to their parameters by
     name, for example ``{"defocus": {"waves": 0.8}, "glare": {}}``; those that are left out take the middle.
     """
@@ -83,7 +84,7 @@ class PipelineParameters(TypedDict, total=False):
     seed: int | None
     oversampling: int | None
     guard_px: int | None
-    field: str | None
+    field: str | npt.ArrayLike | None
     polarization_count: int | None
     dynamics: str | None
     translate: bool | None
@@ -94,7 +95,7 @@ class PipelineParameters(TypedDict, total=False):
     degree_of_polarization: float | None
     normalization: str | None
     soft_rim: float | None
-    pupil: str | None
+    pupil: str | npt.ArrayLike | None
     pupil_image: npt.ArrayLike | None
     blade_count: int | None
     blade_rotation_rad: float | None
@@ -339,6 +340,10 @@ class Pipeline(Stage):
             idle = [name for name in given if name in _SENSOR and name not in _PHASE]
             if idle:
                 raise TypeError(f'{idle[0]} belongs to the sensor, which output="intensity" leaves out')
+        own_field = None
+        if not isinstance(given.get("field", ""), str):
+            own_field = _check.array(given.pop("field"), "field")
+            given.setdefault("polarization_count", own_field.shape[0] if own_field.ndim == 3 else 1)
         wanted = _effects(given.get("effects"))
         of_lens = {name: given[name] for name in _LENS if name in given}
         if lens is not None and of_lens:
@@ -358,7 +363,7 @@ class Pipeline(Stage):
                 table = own(MaterialTable(table, context=context))
             if isinstance(motion, Mapping):
                 # What the phase does with the path and the shift that this motion gives it.
-                if motion.get("rule") != "replace" and given.get("field") != "unit_phasor":
+                if motion.get("rule") != "replace" and given.get("field") != "unit_phasor" and own_field is None:
                     given.setdefault("dynamics", "continuous")
                 if motion.get("translate"):
                     given.setdefault("translate", True)
@@ -370,6 +375,8 @@ class Pipeline(Stage):
             if of_lens:
                 lens = own(Lens(shape, context=context, **of_lens))
             phase = own(Phase(shape, context=context, **of(_PHASE)))
+            if own_field is not None:
+                phase.set_field(own_field)
             aperture = own(Aperture(shape, context=context, **of(_APERTURE)))
             sensor = own(Sensor(shape, context=context, **of(_SENSOR))) if with_sensor else None
             made = own(
@@ -1127,15 +1134,16 @@ def simulate(
     elif camera.sensor is not None:
         camera.sensor.reset_lag()
     camera._scene_name = "ideal"
+    # A field of the caller's own stays; else the camera may have been used before: the first frame draws it anew.
+    first = None if not isinstance(parameters.get("field", ""), (str, type(None))) else "all"
     try:
         if len(shape) == 2:
             target: Any = out
             result: npt.NDArray[Any] = camera.render(
-                ideal, frame_index=frame_index, refresh="all", dtype=dtype, out=target, queue=queue
+                ideal, frame_index=frame_index, refresh=first, dtype=dtype, out=target, queue=queue
             )
         else:
-            # The camera may have been used before: the first frame draws everything anew.
-            scenes = [Frame(scene, "all" if i == 0 else refresh) for i, scene in enumerate(np.asarray(ideal))]
+            scenes = [Frame(scene, first if i == 0 else refresh) for i, scene in enumerate(np.asarray(ideal))]
             result = camera.render_batch(scenes, first_frame_index=frame_index, dtype=dtype, out=out, queue=queue)
     except BaseException:
         camera.close()

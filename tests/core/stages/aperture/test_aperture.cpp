@@ -51,6 +51,7 @@ TEST_F(Aperture, DescInit) {
     EXPECT_EQ(1.0, desc.degree_of_polarization);
     EXPECT_EQ(nullptr, desc.pupil_image);
     EXPECT_EQ(0u, desc.pupil_pitch_bytes);
+    EXPECT_EQ(nullptr, desc.pupil_image_imaginary);
 }
 
 TEST_F(Aperture, RelativeDiameterFollowsFromTheLens) {
@@ -330,6 +331,19 @@ TEST_F(Aperture, CreateRefusesBadArguments) {
         values[4] = static_cast<float>(bad);
         refuses_image("pupil_image", &D::pupil_image, {values.data()}, CLSP_ERROR_INVALID_DATA);
     }
+    // With imaginary parts: each part is looked at, and the magnitude of both.
+    std::vector<float> imaginary(6, 0.5f);
+    refuses("pupil_image", &D::pupil_image_imaginary, {imaginary.data()});
+    for (double bad : test::bad({-1.1, 0.9})) {
+        imaginary[4] = static_cast<float>(bad);
+        refuses_image("pupil_image_imaginary", &D::pupil_image_imaginary, {imaginary.data()}, CLSP_ERROR_INVALID_DATA);
+        imaginary[4] = 0.5f;
+    }
+    desc.pupil_image_imaginary = imaginary.data();
+    std::vector<float> negative(6, -0.5f);
+    desc.pupil_image = negative.data();
+    const clspeckle::Aperture takes(context, desc);
+    EXPECT_GT(takes.info().pupil_samples, 0u);
 }
 
 TEST_F(Aperture, EnqueueRefusesBadArguments) {
