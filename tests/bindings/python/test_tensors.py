@@ -201,6 +201,46 @@ def test_an_array_interface_is_enough(camera: clspeckle.Pipeline, ideal: npt.NDA
     assert np.array_equal(camera.render(interface, frame_index=0, refresh="all"), expected)
 
 
+class Interface:
+    """Memory that is told of by NumPy's array protocol alone."""
+
+    def __init__(self, array: npt.NDArray[Any]) -> None:
+        self._array = array
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        return self._array.__array_interface__
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint16, np.uint8, np.complex64])
+def test_array_interfaces_go_in_and_out_without_a_copy(context: clspeckle.Context, shares: bool, dtype: Any) -> None:
+    whole = (np.arange(12 * 20).reshape(12, 20) % 251).astype(dtype)
+    for source in (whole, whole[:, 3:15], whole[4:5]):
+        image = clspeckle.DeviceImage.from_dlpack(Interface(source), context=context)
+        back = np.asarray(image)
+        assert np.array_equal(back, source)
+        assert back.dtype == dtype
+        assert (address(back) == address(source)) is shares
+        if shares:
+            source[0, 5] = 77
+            assert back[0, 5] == image.read()[0, 5] == 77
+            assert address(np.array(image)) != address(source)
+        else:
+            assert not hasattr(image, "__array_interface__")
+    channels = clspeckle.DeviceImage.from_array(np.ones((4, 5, 3), np.float32), context=context)
+    assert np.asarray(channels).shape == (4, 5, 3)
+
+
+def test_an_array_outlives_the_image_that_it_looks_at(context: clspeckle.Context) -> None:
+    with clspeckle.DeviceImage.from_array(np.full(SHAPE, 5, np.float32), context=context) as image:
+        arrays = np.asarray(image), np.from_dlpack(image)
+    for _ in range(20):  # memory that is free would be taken
+        clspeckle.DeviceImage.from_array(np.zeros(SHAPE, np.float32), context=context)
+    assert all((array == 5).all() for array in arrays)
+    foreign = clspeckle.DeviceImage.wrap(clspeckle.Buffer(64, context=context).int_ptr, (4, 4), np.float32)
+    assert not hasattr(foreign, "__array_interface__")
+
+
 def test_a_tensor_that_would_be_copied_is_told_or_refused(caplog: pytest.LogCaptureFixture) -> None:
     """Frames that are written to a copy do not reach the tensor."""
     apart = np.zeros((32, 96), np.float32)[:, ::2]

@@ -87,10 +87,11 @@ def host_buffer(context: int, array: npt.NDArray[Any], size_bytes: int) -> int:
 
 
 def mapped(queue: int, memory: Any, offset_bytes: int, size_bytes: int) -> Any:
-    """The bytes of a cl_mem of a CPU, where they lie; `memory` is kept while they are used."""
+    """The bytes of a cl_mem of a CPU, where they lie; it is kept while they are used, also if `memory` is closed."""
     library = _library.library()
     library.clEnqueueMapBuffer.restype = ctypes.c_void_p
     code = ctypes.c_int32()
+    _succeeded(library.clRetainMemObject(ctypes.c_void_p(memory.int_ptr)), "clRetainMemObject")
     region = ctypes.c_size_t(offset_bytes), ctypes.c_size_t(size_bytes)
     pointers = ctypes.c_void_p(queue), ctypes.c_void_p(memory.int_ptr)
     flags = 1, ctypes.c_uint64(_CL_MAP_READ_WRITE)
@@ -103,7 +104,9 @@ def mapped(queue: int, memory: Any, offset_bytes: int, size_bytes: int) -> Any:
 
 def _unmap(pointers: tuple[Any, Any], address: int, _memory: Any) -> None:
     if not _library.was_forked():
-        _library.library().clEnqueueUnmapMemObject(*pointers, ctypes.c_void_p(address), 0, None, None)
+        library, (_, pointer) = _library.library(), pointers
+        library.clEnqueueUnmapMemObject(*pointers, ctypes.c_void_p(address), 0, None, None)
+        library.clReleaseMemObject(pointer)
 
 
 def _succeeded(code: int, function: str) -> None:

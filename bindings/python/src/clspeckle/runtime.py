@@ -657,7 +657,8 @@ class DeviceImage:
         context: None for :func:`default_context`.
 
     The constructor allocates memory of undefined content; :meth:`from_array` copies an array, :meth:`wrap` looks at
-    memory that exists. ``np.asarray(image)`` reads the image.
+    memory that exists. ``np.array(image)`` reads the image. So does ``np.asarray(image)``, but on a CPU's context it
+    looks at the image itself (``__array_interface__``): what is written to one is seen in the other.
 
     Threads: one thread at a time writes; the object itself may be shared.
     """
@@ -718,15 +719,17 @@ class DeviceImage:
         It is a warning where the tensor could be written to. OpenCL shares no memory with CUDA, ROCm and the like.
 
         Args:
-            tensor: one of the class's dtypes and shapes. A PyTorch tensor must not require a gradient.
+            tensor: one of the class's dtypes and shapes; what has an ``__array_interface__`` is one, too. A PyTorch
+                tensor must not require a gradient.
             context: None for :func:`default_context`.
             copy: False: refused where it would be copied; True: copied in any case, without a word.
 
         Raises:
             BufferError: `copy` is False, and the tensor cannot be shared.
 
-        ``np.from_dlpack(image)``, ``torch.from_dlpack(image)`` and so on go the other way: without a copy from a CPU's
-        context. The commands of its queue are waited for; what other queues still write to the image is not.
+        ``np.from_dlpack(image)``, ``np.asarray(image)``, ``torch.from_dlpack(image)`` and so on go the other way:
+        without a copy from a CPU's context. The commands of its queue are waited for; what other queues still write to
+        the image is not.
         """
         view = _check.array(tensor, "tensor")
         pixel = find_format(view.shape, view.dtype, "tensor")
@@ -778,14 +781,25 @@ class DeviceImage:
                 logging.getLogger("clspeckle").info("the image is copied: OpenCL's device is no CPU")
             array = self.read()
         else:
-            wait(self._pending())
-            span = self.pitch_bytes * (self.height - 1) + self._row_bytes
-            memory = self.memory if hasattr(self.memory, "int_ptr") else self
-            view = _tensor.mapped(self._queue(None), memory, self.offset_bytes, span)
-            array = self._array_on(view)
+            array = self._array_on(self._mapped())
         if max_version is None or tuple(int(n) for n in np.__version__.split(".")[:2]) < (2, 1):
             return array.__dlpack__()
         return array.__dlpack__(max_version=max_version)
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """The memory of an image of a CPU's context, for packages that look at arrays by this protocol."""
+        if self.context is None or not _tensor.on_cpu(self.context.info().opencl_device):
+            raise AttributeError("the image is not in the host's memory, or looks at foreign memory without a context")
+        view = self._mapped()
+        return {**self._array_on(view).__array_interface__, "data": view}
+
+    def _mapped(self) -> Any:
+        """The image's bytes where they lie, after what its queue still does with them."""
+        wait(self._pending())
+        span = self.pitch_bytes * (self.height - 1) + self._row_bytes
+        memory = self.memory if hasattr(self.memory, "int_ptr") else self
+        return _tensor.mapped(self._queue(None), memory, self.offset_bytes, span)
 
     def _array_on(self, memory: Any) -> npt.NDArray[Any]:
         """Host memory that begins with the first pixel, as an array."""
