@@ -289,10 +289,18 @@ void add_dataset(CLI::App &app, DatasetArguments &a, bool &quiet) {
         ->type_name("webdataset|zarr")
         ->take_last()
         ->check(CLI::IsMember({"webdataset", "zarr"}));
-    app.add_option("--workers", a.workers, "Processes, each with its share of the cores, 1 to 65535 (default 1)")
+    app.add_option("--workers", a.workers,
+                   "Processes, each with its share of the cores, 1 to 65535 (default 1, or one for each device)")
         ->type_name("INTEGER")
         ->take_last()
         ->check(within<std::uint32_t>(1, 65535));
+    app.add_option("--devices", a.devices, "Devices of the workers in turn: 0:0,0:1 (default the best for all)")
+        ->type_name("DEVICE,...")
+        ->take_last();
+    app.add_option("--cluster", a.cluster,
+                   "Address of a scheduler of Dask (tcp://HOST:PORT), whose workers do the work")
+        ->type_name("ADDRESS")
+        ->take_last();
     app.add_flag("--no-ideal", a.without_ideal, "Leave the ideal images out of the shards");
     app.add_option("--python", a.python, "Python that has the package (default python3)")
         ->type_name("PROGRAM")

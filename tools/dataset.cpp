@@ -56,13 +56,16 @@ void run_dataset(const DatasetArguments &a, bool quiet) {
                                       "--count",
                                       fmt::format("{}", a.count),
                                       "--shard-size",
-                                      fmt::format("{}", a.shard_size),
-                                      "--workers",
-                                      fmt::format("{}", a.workers)};
-    if (a.format != "webdataset") {
-        words.emplace_back("--format");
-        words.push_back(a.format);
-    }
+                                      fmt::format("{}", a.shard_size)};
+    const auto add = [&](const char *option, const std::string &value) {
+        if (!value.empty())
+            words.insert(words.end(), {option, value});
+    };
+    add("--workers", a.workers > 0 ? fmt::format("{}", a.workers) : std::string());
+    add("--devices", a.devices);
+    add("--cluster", a.cluster);
+    if (a.format != "webdataset")
+        add("--format", a.format);
     if (a.without_ideal)
         words.emplace_back("--no-ideal");
     if (quiet)

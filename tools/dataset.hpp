@@ -15,9 +15,11 @@ struct DatasetArguments {
     std::string folder;
     std::string python = "python3";
     std::string format = "webdataset";
+    std::string devices; // separated by commas; empty: the best
+    std::string cluster; // address of a scheduler; empty: none
     std::uint64_t count = 0;
     std::uint32_t shard_size = 1000;
-    std::uint32_t workers = 1;
+    std::uint32_t workers = 0; // not said: 1, or one for each device
     bool without_ideal = false;
 };
 

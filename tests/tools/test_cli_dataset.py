@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import clspeckle
 import numpy as np
 import pytest
 
@@ -29,7 +30,7 @@ def shards(folder: Path) -> list[bytes]:
     return [path.read_bytes() for path in sorted(folder.iterdir())]
 
 
-def test_it_is_the_packages_command(ok, recipe: Path, tmp_path: Path) -> None:
+def test_it_is_the_packages_command(ok, cli, recipe: Path, tmp_path: Path) -> None:
     run = ok("dataset", recipe, "--out", "set", "--count", 5, "--shard-size", 2, *PYTHON)
     assert "3 shards in set" in run.out
     assert "5 of 5 pairs" in run.err
@@ -39,6 +40,12 @@ def test_it_is_the_packages_command(ok, recipe: Path, tmp_path: Path) -> None:
     more = ok("dataset", recipe, "--out", "bare", "--count", 2, "--no-ideal", "--workers", 2, "--quiet", *PYTHON)
     assert more.out == more.err == ""
     assert json.loads((tmp_path / "bare" / "dataset.json").read_text())["with_ideal"] is False
+    device = clspeckle.devices()[0].selector
+    ok("dataset", recipe, "--out", "set2", "--count", 5, "--shard-size", 2, "--devices", f"{device},{device}", *PYTHON)
+    assert shards(tmp_path / "set") == shards(tmp_path / "set2")
+    nobody = cli("dataset", recipe, "--out", "set3", "--count", 5, "--cluster", "tcp://127.0.0.1:9", *PYTHON)
+    assert nobody.code == 2
+    assert "tcp://127.0.0.1:9: no scheduler of a cluster answers" in nobody.err
     run = ok("dataset", recipe, "--out", "arrays", "--count", 5, "--shard-size", 2, "--format", "zarr", *PYTHON)
     assert "3 shards in arrays" in run.out
     assert (tmp_path / "arrays" / "codes" / "c" / "2" / "0" / "0").is_file()

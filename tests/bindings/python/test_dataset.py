@@ -10,6 +10,7 @@ import hashlib
 import json
 import logging
 import math
+import multiprocessing
 import os
 import pickle
 import signal
@@ -28,6 +29,7 @@ import zarr
 
 import clspeckle
 from clspeckle import dataset
+from binding_common import Runner
 from clspeckle.dataset import Pairs, Recipe, formats
 from clspeckle.dataset import shards as shard_files
 
@@ -232,6 +234,80 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_dies(recipe_file: Path, 
         )
     assert killed
     assert hashes(tmp_path / "set") == hashes(tmp_path / "expected")
+
+
+def test_a_cluster_is_named_by_its_address(recipe_file: Path, tmp_path: Path) -> None:
+    """The command finds it; a cluster that fails, has no workers or is not there is told in words."""
+    dask: Any = distributed
+    words = ("--count", 8, "--shard-size", 2)
+    subprocess.run(command(recipe_file, tmp_path / "expected", *words), check=True, capture_output=True)
+
+    def on(address: str, out: str, *more: object) -> subprocess.CompletedProcess[str]:
+        arguments = command(recipe_file, tmp_path / out, *words, "--cluster", address, *more)
+        return subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=120)
+
+    with dask.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    ) as cluster:  # fmt: skip
+        cluster.scheduler.allowed_failures = 0
+        address = cluster.scheduler_address
+        done = on(address, "set")
+        assert done.returncode == 0, done.stderr
+        assert hashes(tmp_path / "set") == hashes(tmp_path / "expected")
+        assert "leave it out" in on(address, "set", "--workers", 2).stderr
+        assert "set CLSPECKLE_DEVICE where each" in on(address, "set", "--devices", "0:0").stderr
+        # The first worker that begins a shard dies, and the cluster gives up.
+        run = subprocess.Popen(
+            command(recipe_file, tmp_path / "dead", "--count", 4000, "--shard-size", 1000, "--cluster", address),
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        while not list((tmp_path / "dead").glob(".shard-*.part")):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.01)
+        for worker in list(cluster.workers.values()):
+            os.kill(worker.pid, signal.SIGKILL)
+        told = run.communicate(timeout=120)[1]
+        assert run.returncode == 2, told
+        assert "a worker ended while it wrote shard-" in told
+        assert "the next call goes on" in told
+        assert not list((tmp_path / "dead").glob("shard-*")), "nothing half-written has a name"
+    with dask.LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None) as empty:
+        none = on(empty.scheduler_address, "none")
+        assert none.returncode == 2
+        assert "the cluster has no workers; start some with `dask worker tcp://" in none.stderr
+    gone = on(address, "gone")
+    assert gone.returncode == 2
+    assert "no scheduler of a cluster answers" in gone.stderr
+    assert "start one with `dask scheduler`" in gone.stderr
+    assert not (tmp_path / "gone").exists()
+
+
+def test_workers_have_devices_in_turn(
+    ideal: npt.NDArray[np.float32], recipe_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = next(d for d in clspeckle.devices() if d.usable)
+    there = recipe(ideal)
+    dataset.write(there, tmp_path / "expected", count=4, shard_size=1)
+    dataset.write(there, tmp_path / "set", count=4, shard_size=1, devices=[device.selector, device.selector])
+    assert hashes(tmp_path / "set") == hashes(tmp_path / "expected")
+    with pytest.raises(clspeckle.errors.ClspeckleError, match="no-such-device"):
+        dataset.write(there, tmp_path / "wrong", count=4, shard_size=1, devices=[device.selector, "no-such-device"])
+    with pytest.raises(TypeError, match=r"devices must be a list of names, such as"):
+        dataset.write(there, tmp_path / "wrong", count=4, devices="0:0")
+    begun = multiprocessing.get_context("spawn").Value("l", 0)
+    monkeypatch.setenv("CLSPECKLE_DEVICE", "")
+    monkeypatch.setenv("POCL_MAX_PTHREAD_COUNT", "1")
+    named = []
+    for _ in range(5):
+        shard_files._begin_worker(3, ("a", "b"), begun)
+        named.append(os.environ["CLSPECKLE_DEVICE"])
+    assert named == ["a", "b", "a", "b", "a"]
+    done = subprocess.run(
+        command(recipe_file, tmp_path / "named", "--count", 1, "--devices", "no-such-device"),
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode in (1, 2)
+    assert "no-such-device" in done.stderr
 
 
 def test_a_full_disk_leaves_no_half_shard(
@@ -489,6 +565,50 @@ def test_other_numbers_build_no_programs(ideal: npt.NDArray[np.float32]) -> None
         for index in range(40):
             there.render(index, context=context)
         assert programs() == before
+
+
+FLAT = """
+import json, sys
+import numpy as np
+import clspeckle
+from clspeckle import dataset
+
+rows, columns = np.mgrid[:48, :64]
+scene = (np.exp(-(((columns % 16 - 8) ** 2 + (rows % 16 - 8) ** 2) / 8.0)) + 0.05).astype(np.float32)
+camera = {"f_number": [3.2, 8], "read_noise_dn": {"log": [1, 8]}, "bits": [8, 10], "exposure_gain_dn": 300}
+effects = [effect.id for effect in clspeckle.effects() if "stages/dots.cl" not in effect.kernel]
+recipe = dataset.Recipe(scenes=[scene], cameras=[camera], effects=effects, effects_per_image=(1, 3), seed=1)
+seen = {}
+
+def progress(done, count):
+    resident = next(line for line in open("/proc/self/status") if line.startswith("VmRSS:"))
+    seen[done] = [int(resident.split()[1]), clspeckle.default_context().info().programs_built]
+
+dataset.write(recipe, "set", count=2000, shard_size=100, progress=progress)
+print(json.dumps(seen))
+"""
+
+
+def test_memory_stays_flat(run_python: Runner) -> None:
+    """2,000 pairs of one to three effects of all that an image can have. Programs are built once for each kind of
+    frame: 43 by the first 200 pairs, 6 by the others. After 1,000 pairs less than 4 KiB a pair may stay, of whose
+    images each has more (measured: 0.2 KiB)."""
+    done = run_python(FLAT)
+    assert done.returncode == 0, done.stderr
+    resident, programs = zip(*(json.loads(done.stdout)[str(pairs)] for pairs in (200, 1000, 2000)), strict=True)
+    assert programs[2] - programs[0] <= 10
+    assert resident[2] < 1.1 * resident[0]
+    assert resident[2] - resident[1] < 4 * 1000
+
+
+def test_a_cluster_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "distributed", None)
+        with pytest.raises(RuntimeError, match="pip install distributed"), dataset.cluster("tcp://127.0.0.1:9"):
+            pass
+    assert distributed.Client, "with it the next line is reached"
+    with pytest.raises(RuntimeError, match="no scheduler of a cluster answers"), dataset.cluster("nowhere"):
+        pass
 
 
 def test_recipes_in_files(recipe_file: Path, tmp_path: Path) -> None:

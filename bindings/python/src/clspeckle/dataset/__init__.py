@@ -23,6 +23,6 @@ sharding codec; labels are strings, an extension of Zarr.
 """
 
 from .recipe import Draw, Pair, Recipe
-from .shards import Pairs, write
+from .shards import Pairs, cluster, write
 
-__all__ = ["Draw", "Pair", "Pairs", "Recipe", "write"]
+__all__ = ["Draw", "Pair", "Pairs", "Recipe", "cluster", "write"]

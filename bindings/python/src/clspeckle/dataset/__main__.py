@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import signal
 import sys
 import time
 from collections.abc import Sequence
 from types import FrameType
+from typing import Any
 
 from .. import errors
 from .formats import FORMATS
 from .recipe import Recipe
-from .shards import write
+from .shards import cluster, write
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -25,7 +27,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--count", required=True, type=int, help="pairs")
     parser.add_argument("--shard-size", type=int, default=1000, help="pairs of a shard (default 1000)")
     parser.add_argument("--format", choices=list(FORMATS), default="webdataset", help="of shards (default webdataset)")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
+    parser.add_argument("--workers", type=int, help="processes (default 1, or one for each device)")
+    parser.add_argument("--devices", help="of the workers in turn, separated by commas: 0:0,0:1 (default: the best)")
+    parser.add_argument("--cluster", help="address of a scheduler of dask.distributed, whose workers do it")
     parser.add_argument("--no-ideal", action="store_true", help="leave the ideal images out of the shards")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     return parser.parse_args(argv)
@@ -54,16 +58,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, interrupt)
     try:
-        shards = write(
-            Recipe.from_file(arguments.recipe),
-            arguments.out,
-            count=arguments.count,
-            shard_size=arguments.shard_size,
-            with_ideal=not arguments.no_ideal,
-            format=arguments.format,
-            workers=arguments.workers,
-            progress=progress,
-        )
+        recipe = Recipe.from_file(arguments.recipe)
+        with contextlib.ExitStack() as stack:
+            by: dict[str, Any] = {"workers": arguments.workers}
+            if arguments.cluster:
+                if arguments.workers is not None:
+                    raise TypeError("--workers is not for a cluster, which has its own; leave it out")
+                by = stack.enter_context(cluster(arguments.cluster))
+            shards = write(
+                recipe,
+                arguments.out,
+                count=arguments.count,
+                shard_size=arguments.shard_size,
+                with_ideal=not arguments.no_ideal,
+                format=arguments.format,
+                devices=arguments.devices.split(",") if arguments.devices else (),
+                progress=progress,
+                **by,
+            )
     except KeyboardInterrupt:
         print("stopped; finished shards stay, the same command goes on", file=sys.stderr)
         return 130

@@ -27,6 +27,8 @@ Progress = Callable[[int, int], Optional[bool]]
 _DESCRIPTION = "dataset.json"
 _LOCK = ".lock"
 _PAIRS_END = 10**9
+_CONNECT_SECONDS = 10
+_WORKERS_OF_OTHERS = 16
 
 
 def _lock(folder: Path) -> int:
@@ -76,8 +78,13 @@ def _write_shard(
     return end - first
 
 
-def _begin_worker(workers: int) -> None:
-    """In a worker, before it loads a driver: PoCL takes all cores in each process unless told."""
+def _begin_worker(workers: int, devices: Sequence[str], begun: Any) -> None:
+    """In a worker, before it loads a driver: PoCL takes all cores in each process unless told, and the best device is
+    the same for all of them."""
+    if devices:
+        with begun.get_lock():
+            os.environ["CLSPECKLE_DEVICE"] = devices[begun.value % len(devices)]
+            begun.value += 1
     parent = multiprocessing.parent_process()
     if parent is not None:
 
@@ -87,6 +94,48 @@ def _begin_worker(workers: int) -> None:
 
         threading.Thread(target=end_with_it, daemon=True).start()
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(max(1, len(os.sched_getaffinity(0)) // workers)))
+
+
+class _Processes:
+    """Workers of this machine, not yet started."""
+
+    def __init__(self, workers: int, devices: Sequence[str]) -> None:
+        self._workers, self._devices = workers, tuple(devices)
+
+    def start(self) -> concurrent.futures.Executor:
+        spawn = multiprocessing.get_context("spawn")
+        told = self._workers, self._devices, spawn.Value("l", 0)
+        return concurrent.futures.ProcessPoolExecutor(self._workers, spawn, _begin_worker, told)
+
+
+@contextlib.contextmanager
+def cluster(address: str) -> Iterator[dict[str, Any]]:
+    """A cluster of ``dask.distributed`` that runs, as the arguments `executor` and `workers` of :func:`write`.
+
+    Args:
+        address: "tcp://HOST:PORT", as ``dask scheduler`` prints it. Its workers need clspeckle and see the same folders.
+
+    Raises:
+        RuntimeError: the package `distributed` is missing, no scheduler is at the address, or it has no workers.
+    """
+    try:
+        import distributed  # type: ignore[import-not-found,unused-ignore]
+    except ImportError:
+        raise RuntimeError(
+            "a cluster needs the package distributed, which is not there; pip install distributed"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RuntimeError(
+            f"{address}: no scheduler of a cluster answers ({error}); start one with `dask scheduler`, and name the "
+            "address that it prints"
+        ) from None
+    with client:
+        threads = sum(client.nthreads().values())
+        if threads == 0:
+            raise RuntimeError(f"{address}: the cluster has no workers; start some with `dask worker {address}`")
+        yield {"executor": client.get_executor(), "workers": threads}
 
 
 def _describe(recipe: Recipe, folder: Path, count: int, shard_size: int, with_ideal: bool, format: str) -> None:
@@ -153,7 +202,8 @@ def write(
     shard_size: int = 1000,
     with_ideal: bool = True,
     format: str = "webdataset",
-    workers: int = 1,
+    workers: int | None = None,
+    devices: Sequence[str] = (),
     executor: Any = None,
     progress: Progress | None = None,
 ) -> list[Path]:
@@ -170,8 +220,11 @@ def write(
         format: "webdataset": an archive each; "zarr": of the arrays `codes` (count, height, width) uint16, `ideal`
             likewise float32, and `labels` (count,), texts of JSON, of a Zarr group (version 3). Zarr needs scenes of
             one size; a shard that is not there yet reads as zeros.
-        workers: processes, each with its share of the cores; 1: this one.
-        executor: in place of `workers`: a ``concurrent.futures.Executor``, for example a thread pool, or
+        workers: processes, each with its share of the cores; 1 without devices: this one. None: one for each device,
+            or 1. With an executor how many workers that has, so that none waits for work; None: 16.
+        devices: of the workers in turn, each as ``CLSPECKLE_DEVICE`` names it, for example ``["0:0", "0:1"]``; none:
+            each takes the best.
+        executor: in place of processes of its own: a ``concurrent.futures.Executor``, for example a thread pool, or
             ``client.get_executor()`` of a ``dask.distributed.Client``, whose workers must see `folder`.
         progress: told pairs that are done and all of them after each shard; returning False ends the work.
 
@@ -190,6 +243,15 @@ def write(
         raise TypeError(f"recipe must be a clspeckle.dataset.Recipe, got {_check.kind(recipe)}")
     count = _check.integer(count, "count", 32)
     shard_size = _check.integer(shard_size, "shard_size", 32)
+    if isinstance(devices, str) or not all(isinstance(device, str) and device for device in devices):
+        raise TypeError(f'devices must be a list of names, such as ["0:0", "0:1"], got {_check.kind(devices)}')
+    if executor is not None and devices:
+        raise TypeError(
+            "devices are not for an executor, which has workers of its own; leave them out, and set CLSPECKLE_DEVICE "
+            "where each of those workers starts"
+        )
+    if workers is None:
+        workers = len(devices) or (1 if executor is None else _WORKERS_OF_OTHERS)
     workers = _check.integer(workers, "workers", 16)
     with_ideal = bool(_check.flag(with_ideal, "with_ideal"))
     if not 0 < count < _PAIRS_END or shard_size == 0 or workers == 0:
@@ -201,6 +263,8 @@ def write(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with _sole(target):
+        if executor is None and (workers > 1 or devices):
+            executor = _Processes(workers, devices)
         return _write_missing(recipe, target, count, shard_size, with_ideal, format, workers, executor, progress)
 
 
@@ -245,17 +309,13 @@ def _run(tasks: list[Any], workers: int, executor: Any) -> Iterator[int]:
     """Numbers of pairs as shards get done."""
     if not tasks:
         return
-    if executor is None and workers == 1:
+    if executor is None:
         for task in tasks:
             yield _write_shard(*task)
         return
     with contextlib.ExitStack() as stack:
-        if executor is None:
-            executor = stack.enter_context(
-                concurrent.futures.ProcessPoolExecutor(
-                    workers, multiprocessing.get_context("spawn"), _begin_worker, (workers,)
-                )
-            )
+        if isinstance(executor, _Processes):
+            executor = stack.enter_context(executor.start())
         waiting = iter(tasks)
         running: dict[Any, str] = {}
         try:
