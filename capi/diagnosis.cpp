@@ -5,13 +5,16 @@
 #include "capture_handle.hpp"
 #include "fields.hpp"
 #include "files.hpp"
+#include "handles.hpp"
 #include "lists.hpp"
+#include "pipeline/pipeline.hpp"
 #include "profile_handle.hpp"
 #include "progress.hpp"
 #include "run/compare.hpp"
 #include "report/report_html.hpp"
 #include "report/report_json.hpp"
 #include "simulator/opencl_hypothesis.hpp"
+#include "simulator/sequence_model.hpp"
 #include "status.hpp"
 #include "structs.hpp"
 #include "texts.hpp"
@@ -20,6 +23,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <string_view>
 
 using namespace clsp;
@@ -118,8 +122,7 @@ void call_hypothesis(ClspHypothesisFunction function, void *user_data, const Hyp
         throw Error(Status::kInvalidData, fmt::format("its function returned {}, not 0", returned));
 }
 
-Hypothesis checked_hypothesis(const ClspHypothesis *user, std::uint32_t index) {
-    const std::string where = fmt::format("desc->hypotheses[{}]", index);
+Hypothesis checked_hypothesis(const ClspHypothesis *user, const std::string &where) {
     const ClspHypothesis h = read_struct(user, hypothesis_defaults(), where.c_str());
     check_reserved(h.reserved, (where + "->reserved").c_str());
     Hypothesis result;
@@ -172,6 +175,25 @@ Hypothesis checked_hypothesis(const ClspHypothesis *user, std::uint32_t index) {
     return result;
 }
 
+// All parameters: those that are not given take the middle between weak and strong.
+std::vector<double> hypothesis_values(const Hypothesis &hypothesis, const double *values, std::uint32_t count) {
+    if (count > hypothesis.parameters.size())
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("count is {}, but the hypothesis \"{}\" has {} parameters", count, hypothesis.id,
+                                hypothesis.parameters.size()));
+    std::vector<double> result;
+    for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i) {
+        const HypothesisParameter &p = hypothesis.parameters[i];
+        const double value = values && i < count ? values[i] : 0.5 * (p.weak + p.strong);
+        if (!(value >= p.minimum && value <= p.maximum))
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("{} of the hypothesis \"{}\" is {}, it must be {} to {}", p.name, hypothesis.id,
+                                    value, p.minimum, p.maximum));
+        result.push_back(value);
+    }
+    return result;
+}
+
 DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
     const ClspDiagnoseDesc d = user ? read_struct(user, diagnose_defaults(), "desc") : diagnose_defaults();
     check_range(d.null_replicates, kLeastReplicates, kMostReplicates, "desc->null_replicates");
@@ -198,7 +220,7 @@ DiagnosisOptions diagnosis_options(const ClspDiagnoseDesc *user) {
     if (d.hypothesis_count > 0)
         required(d.hypotheses, "desc->hypotheses");
     for (std::uint32_t i = 0; i < d.hypothesis_count; ++i)
-        options.hypotheses.push_back(checked_hypothesis(d.hypotheses[i], i));
+        options.hypotheses.push_back(checked_hypothesis(d.hypotheses[i], fmt::format("desc->hypotheses[{}]", i)));
     if (d.profile)
         options.profile = object(d.profile);
     options.progress = progress_function(d.progress, d.progress_data);
@@ -226,6 +248,34 @@ const Candidate *find_candidate(const DiagnosisResult &result, const std::string
 extern "C" {
 
 CLSP_INIT(Hypothesis, hypothesis, hypothesis_defaults())
+
+CLSP_API ClspStatus clspPipelineSetHypothesis(ClspPipeline pipeline, const ClspHypothesis *hypothesis,
+                                              const double *values, uint32_t count) {
+    return guarded("clspPipelineSetHypothesis", [&] {
+        const auto p = object(pipeline);
+        const Hypothesis h = checked_hypothesis(hypothesis, "hypothesis");
+        if (h.opencl_source.empty())
+            throw Error(Status::kUnsupported,
+                        fmt::format("the hypothesis \"{}\" has a function of the host, for which a pipeline's frames do "
+                                    "not wait; give opencl_source",
+                                    h.id));
+        check_hypotheses({h});
+        const std::vector<double> numbers = hypothesis_values(h, values, count);
+        const auto source = std::make_shared<OpenclHypothesis>(p->context(), h);
+        p->set_own_effect(
+            h.id, static_cast<OwnEffectPoint>(h.point),
+            [source, numbers](CommandChain &chain, const cl::Buffer &before, const cl::Buffer &after,
+                              const OwnEffectFrame &frame) {
+                const std::uint32_t scene = frame.dark ? CLSP_SCENE_DARK : frame.dots ? CLSP_SCENE_DOTS : CLSP_SCENE_FLAT;
+                // The upper half of the frame's number stands where a capture has that of its sequence.
+                source->enqueue(chain, before, after,
+                                {frame.width, frame.height, frame.bits, static_cast<std::uint32_t>(frame.frame_index >> 32),
+                                 scene, false, static_cast<std::uint32_t>(frame.frame_index), frame.seed, frame.f_number,
+                                 frame.pixel_pitch_m, frame.wavelength_m},
+                                numbers.data());
+            });
+    });
+}
 
 CLSP_INIT(DiagnoseDesc, desc, diagnose_defaults())
 

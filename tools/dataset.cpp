@@ -47,16 +47,9 @@ void run_dataset(const DatasetArguments &a, bool quiet) {
         a.python, "numpy, clspeckle.dataset",
         "`clspeckle dataset` needs Python 3.9 or newer with NumPy and the package clspeckle, which is in Debian's "
         "python3-clspeckle and in a wheel (docs/guide/install.md); another Python is named with --python");
-    std::vector<std::string> words = {a.python,
-                                      "-m",
-                                      "clspeckle.dataset",
-                                      a.recipe,
-                                      "--out",
-                                      a.folder,
-                                      "--count",
-                                      fmt::format("{}", a.count),
-                                      "--shard-size",
-                                      fmt::format("{}", a.shard_size)};
+    std::vector<std::string> words = {
+        a.python, "-m",      "clspeckle.dataset",        a.recipe,       "--out",
+        a.folder, "--count", fmt::format("{}", a.count), "--shard-size", fmt::format("{}", a.shard_size)};
     const auto add = [&](const char *option, const std::string &value) {
         if (!value.empty())
             words.insert(words.end(), {option, value});

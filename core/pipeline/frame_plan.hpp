@@ -2,6 +2,7 @@
 // has been checked, and nothing fails half way through a frame that could have failed before.
 #pragma once
 
+#include "pipeline/own_effect.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/kernel_arguments.hpp"
 #include "runtime/lazy_kernel.hpp"
@@ -164,6 +165,48 @@ struct FinishLens {
     void enqueue(CommandChain &chain) { lens->enqueue_finish(chain, light, out, dark); }
 };
 
+// To the tightly packed floats that effects of the user's own work on.
+struct GatherPixels {
+    LazyKernel *kernel;
+    Context *context;
+    ImageView image;
+    cl::Buffer pixels;
+    void check() { kernel->get(*context); }
+    void enqueue(CommandChain &chain) {
+        cl::Kernel &gather = kernel->get(*context);
+        KernelArguments(gather).add(image).add(pixels).add(cl_uint{image.width}).add(cl_uint{image.height});
+        chain.run("own_effect", gather, image.width, image.height);
+    }
+};
+
+struct ApplyOwnEffect {
+    OwnEffectStep step;
+    cl::Buffer before, after;
+    OwnEffectFrame frame;
+    void check() {}
+    void enqueue(CommandChain &chain) { step(chain, before, after, frame); }
+};
+
+// Back to an image; top: see the kernel.
+struct ScatterPixels {
+    LazyKernel *kernel;
+    Context *context;
+    cl::Buffer pixels;
+    float top;
+    ImageView image;
+    void check() { kernel->get(*context); }
+    void enqueue(CommandChain &chain) {
+        cl::Kernel &scatter = kernel->get(*context);
+        KernelArguments(scatter)
+            .add(pixels)
+            .add(cl_float{top})
+            .add(image)
+            .add(cl_uint{image.width})
+            .add(cl_uint{image.height});
+        chain.run("own_effect", scatter, image.width, image.height);
+    }
+};
+
 struct Expose {
     Sensor *sensor;
     ImageView light;
@@ -215,6 +258,7 @@ class FramePlan {
                      frame_step::DistortShift, frame_step::DrawPhase, frame_step::AdvancePhase,
                      frame_step::LookUpMaterial, frame_step::Spread, frame_step::ResetAir, frame_step::AdvanceAir,
                      frame_step::Image, frame_step::ImageIncoherent, frame_step::Darken, frame_step::FinishLens,
+                     frame_step::GatherPixels, frame_step::ApplyOwnEffect, frame_step::ScatterPixels,
                      frame_step::Expose>;
     std::vector<Step> steps_;
 };

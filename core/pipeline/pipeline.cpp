@@ -56,6 +56,16 @@ unsigned changed_parts(const PipelineModel &a, const PipelineModel &b) {
     return parts;
 }
 
+// The kernel of stages/own_effect.cl for images of a format.
+LazyKernel &format_kernel(std::map<Format, LazyKernel> &kernels, const char *name, Format format) {
+    const auto found = kernels.find(format);
+    if (found != kernels.end())
+        return found->second;
+    const char *pixel = format == Format::kUint8 ? "uchar" : format == Format::kUint16 ? "ushort" : "float";
+    return kernels.emplace(format, LazyKernel("stages/own_effect.cl", name, fmt::format("-DPIXEL={}", pixel)))
+        .first->second;
+}
+
 // In the catalogue's order, whatever the order of the calls.
 PipelineModel with_effects(PipelineModel model, const std::map<std::string, std::vector<double>> &effects) {
     for (const Effect &effect : effect_catalogue())
@@ -239,8 +249,12 @@ void Pipeline::allocate() {
     // Where several fields are added, the ideal image cannot lie where the light is summed.
     const bool many_fields = p.line_count > 1 || exposure_steps_.count > 1 || p.shutter_fraction > 0.0 ||
                              stages_.materials || options_.keeps_irradiance;
-    image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()), sizeof(float));
+    const bool own_light = has_own_effect(OwnEffectPoint::kIntensity);
+    image(light_, makes_light || stages_.sensor || (stages_.lens && stages_.lens->finishes()) || own_light,
+          sizeof(float));
     image(irradiance_, (makes_light && (many_fields || distorts)) || (subsurface && !distorts), sizeof(float));
+    for (DeviceBuffer &pixels_of_own : own_pixels_)
+        image(pixels_of_own, !own_effects_.empty(), sizeof(float));
     image(distorted_, distorts, sizeof(float));
     image(distorted_material_, distorts && stages_.materials, 1);
     image(distorted_path_, distorts && stages_.motion, sizeof(float));
@@ -371,7 +385,42 @@ void Pipeline::set_camera(const Effects &wanted, PixelMaps maps) {
     add_effects(std::move(effects), wanted, std::move(maps));
 }
 
+void Pipeline::set_own_effect(const std::string &id, OwnEffectPoint point, OwnEffectStep step) {
+    if (point == OwnEffectPoint::kCodes && !stages_.sensor)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("the effect \"{}\" acts on codes, but this pipeline has no sensor; make it with one", id));
+    const std::vector<OwnEffect> before = own_effects_;
+    own_effects_.erase(std::remove_if(own_effects_.begin(), own_effects_.end(),
+                                      [&](const OwnEffect &own) { return own.id == id && own.point != point; }),
+                       own_effects_.end());
+    const auto found =
+        std::find_if(own_effects_.begin(), own_effects_.end(), [&](const OwnEffect &own) { return own.id == id; });
+    if (found != own_effects_.end())
+        found->step = std::move(step);
+    else
+        own_effects_.push_back({id, point, std::move(step)});
+    try {
+        allocate();
+    } catch (...) {
+        own_effects_ = before;
+        throw;
+    }
+}
+
+void Pipeline::clear_effects() {
+    use_effects({});
+    own_effects_.clear();
+    allocate();
+}
+
 void Pipeline::clear_effect(const std::string &id) {
+    const auto own =
+        std::find_if(own_effects_.begin(), own_effects_.end(), [&](const OwnEffect &effect) { return effect.id == id; });
+    if (own != own_effects_.end()) {
+        own_effects_.erase(own);
+        allocate();
+        return;
+    }
     find_effect(id);
     Effects effects = effects_;
     effects.erase(id);
@@ -415,7 +464,11 @@ Pipeline::Images Pipeline::check_images(const Frame &frame) {
     };
     if (frame.refresh_mask)
         images.mask = input(frame.refresh_mask, "refresh_mask", {Format::kUint8});
-    images.light = stages_.sensor || finishes() ? own_image(light_) : images.output;
+    images.light = stages_.sensor || finishes() || has_own_effect(OwnEffectPoint::kIntensity) ? own_image(light_)
+                                                                                              : images.output;
+    if (images.output.format == Format::kFloat32 && has_own_effect(OwnEffectPoint::kCodes))
+        throw Error(Status::kInvalidFormat,
+                    "output.format is float32, but an effect of your own acts on codes; use uint16, or uint8");
     // Surfaces move and live whatever the light.
     if (frame.motion && !stages_.motion)
         throw Error(Status::kInvalidArgument,
@@ -472,8 +525,46 @@ bool Pipeline::finishes() const {
     return stages_.lens && stages_.lens->finishes();
 }
 
+bool Pipeline::has_own_effect(OwnEffectPoint point) const {
+    return std::any_of(own_effects_.begin(), own_effects_.end(),
+                       [&](const OwnEffect &own) { return own.point == point; });
+}
+
+ImageView Pipeline::plan_own_effects(FramePlan &plan, OwnEffectPoint point, const Frame &frame,
+                                     const ImageView &image) {
+    if (!has_own_effect(point))
+        return image;
+    const ApertureParameters &aperture = stages_.aperture->parameters();
+    const OwnEffectFrame of{image.width,
+                            image.height,
+                            stages_.sensor ? stages_.sensor->parameters().bits : 0,
+                            frame.frame_index,
+                            parameters_.seed,
+                            frame.illumination == Illumination::kDark,
+                            stages_.pattern || stages_.dots,
+                            aperture.pixel_pitch_m / (aperture.wavelength_m * stages_.aperture->relative_diameter()),
+                            aperture.pixel_pitch_m,
+                            aperture.wavelength_m};
+    plan.add(frame_step::GatherPixels{&format_kernel(gather_, "own_effect_gather", image.format), context_.get(), image,
+                                      own_pixels_[0].get()});
+    std::size_t place = 0;
+    for (const OwnEffect &own : own_effects_)
+        if (own.point == point) {
+            plan.add(frame_step::ApplyOwnEffect{own.step, own_pixels_[place].get(), own_pixels_[1 - place].get(), of});
+            place = 1 - place;
+        }
+    return own_image(own_pixels_[place]);
+}
+
+void Pipeline::plan_scatter(FramePlan &plan, const ImageView &pixels, const ImageView &image) {
+    const bool codes = image.format != Format::kFloat32;
+    const float top = codes ? static_cast<float>((1u << stages_.sensor->parameters().bits) - 1) : 0.0f;
+    plan.add(frame_step::ScatterPixels{&format_kernel(scatter_, "own_effect_scatter", image.format), context_.get(),
+                                       cl::Buffer(pixels.mem, true), top, image});
+}
+
 bool Pipeline::exposes_in_last_pass() const {
-    return stages_.sensor && !finishes() && stages_.aperture->exposes(*stages_.sensor);
+    return stages_.sensor && !finishes() && !has_own_effect(OwnEffectPoint::kIntensity) && stages_.aperture->exposes(*stages_.sensor);
 }
 
 ImageView Pipeline::plan_distortion(FramePlan &plan, const ImageView &image, const DeviceBuffer &distorted,
@@ -564,8 +655,8 @@ void Pipeline::plan_laser(FramePlan &plan, const Frame &frame, const Images &ima
         plan.add(frame_step::RenderDots{stages_.dots.get(), images.irradiance});
     const PhaseAdvance advance = plan_surface(plan, frame, images.mask, fresh);
     // The lens shows geometry and light at the same distorted places; speckle arises behind it.
-    ImageView irradiance =
-        plan_distortion(plan, images.irradiance, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
+    const ImageView ideal = plan_own_effects(plan, OwnEffectPoint::kIrradiance, frame, images.irradiance);
+    ImageView irradiance = plan_distortion(plan, ideal, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
     const ImageView material =
         plan_distortion(plan, images.material, distorted_material_, Interpolation::kNearest);
     irradiance = plan_subsurface(plan, frame, irradiance, material);
@@ -633,21 +724,29 @@ void Pipeline::plan_frame(FramePlan &plan, const Frame &frame, bool fresh) {
     } else {
         plan_surface(plan, frame, images.mask, fresh);
         if (frame.illumination == Illumination::kIncoherent) {
+            const ImageView ideal = plan_own_effects(plan, OwnEffectPoint::kIrradiance, frame, images.irradiance);
             const ImageView irradiance =
-                plan_distortion(plan, images.irradiance, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
+                plan_distortion(plan, ideal, distorted_, Interpolation::kCubic, !frame.keeps_irradiance);
             plan.add(frame_step::ImageIncoherent{stages_.aperture.get(), irradiance, images.light});
         } else {
             plan.add(frame_step::Darken{&dark_, context_.get(), images.light});
         }
     }
     ImageView light = images.light;
+    const bool own_light = has_own_effect(OwnEffectPoint::kIntensity);
     if (finishes()) {
-        const ImageView out = stages_.sensor ? light : images.output;
+        const ImageView out = stages_.sensor || own_light ? light : images.output;
         plan.add(frame_step::FinishLens{stages_.lens.get(), light, out, frame.illumination == Illumination::kDark});
         light = out;
     }
+    if (own_light && frame.illumination != Illumination::kDark)
+        light = plan_own_effects(plan, OwnEffectPoint::kIntensity, frame, light);
+    if (own_light && !stages_.sensor)
+        plan_scatter(plan, light, images.output);
     if (stages_.sensor && !(frame.illumination == Illumination::kLaser && exposes_in_last_pass()))
         plan.add(frame_step::Expose{stages_.sensor.get(), light, frame.frame_index, images.output});
+    if (has_own_effect(OwnEffectPoint::kCodes))
+        plan_scatter(plan, plan_own_effects(plan, OwnEffectPoint::kCodes, frame, images.output), images.output);
 }
 
 void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::size_t count, cl_uint num_waits,

@@ -3,6 +3,7 @@
 
 #include "pipeline/exposure_steps.hpp"
 #include "pipeline/frame_plan.hpp"
+#include "pipeline/own_effect.hpp"
 #include "pipeline/pipeline_model.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/airflow.hpp"
@@ -90,9 +91,11 @@ class Pipeline {
         std::vector<std::string> holds;
     };
     void set_camera(const Effects &effects, PixelMaps maps);
-    // Off again.
+    // An effect of the user's own, in the place of one with the same id, else behind those that are on at its point.
+    void set_own_effect(const std::string &id, OwnEffectPoint point, OwnEffectStep step);
+    // Off again, also the user's own.
     void clear_effect(const std::string &id);
-    void clear_effects() { use_effects({}); }
+    void clear_effects();
 
     void enqueue_frame(cl_command_queue queue, const Frame &frame, cl_uint num_waits, const cl_event *waits,
                        cl_event *event) {
@@ -129,6 +132,7 @@ class Pipeline {
     ImageView own_image(const DeviceBuffer &buffer, Format format = Format::kFloat32) const;
     bool distorts() const;
     bool finishes() const;
+    bool has_own_effect(OwnEffectPoint point) const;
     // The laser's frames get their codes in the aperture's last pass, not in a command of the sensor's.
     bool exposes_in_last_pass() const;
 
@@ -140,6 +144,9 @@ class Pipeline {
     PhaseAdvance plan_surface(FramePlan &plan, const Frame &frame, ImageView mask, bool fresh);
     ImageView plan_subsurface(FramePlan &plan, const Frame &frame, const ImageView &irradiance,
                               const ImageView &material);
+    // The image behind the user's own effects at a point; itself where there are none.
+    ImageView plan_own_effects(FramePlan &plan, OwnEffectPoint point, const Frame &frame, const ImageView &image);
+    void plan_scatter(FramePlan &plan, const ImageView &pixels, const ImageView &image);
     // The image as the lens shows it; itself where the lens moves nothing, or if it is empty.
     ImageView plan_distortion(FramePlan &plan, const ImageView &image, const DeviceBuffer &distorted,
                               Interpolation interpolation, bool adds_step = true);
@@ -169,6 +176,14 @@ class Pipeline {
     std::unique_ptr<Field> field_;
     bool lens_distorts_ = false, lens_finishes_ = false; // when the buffers were made
     cl::Kernel material_lookup_;
+    struct OwnEffect {
+        std::string id;
+        OwnEffectPoint point;
+        OwnEffectStep step;
+    };
+    std::vector<OwnEffect> own_effects_;
+    DeviceBuffer own_pixels_[2];               // what they change in turn; empty without them
+    std::map<Format, LazyKernel> gather_, scatter_;
     LazyKernel dark_;
     ChainProfile profile_, next_profile_; // of the last frame; of the one being enqueued
     bool has_frame_ = false;

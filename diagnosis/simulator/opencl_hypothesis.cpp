@@ -68,25 +68,9 @@ class Pass {
   public:
     Pass(std::shared_ptr<Context> context, const Hypothesis &hypothesis)
         : context_(std::move(context)), queue_(context_->cl_context(), context_->device()),
-          number_(number_of(hypothesis.id)) {
-        const ProgramCache::GeneratedHeader program{kRoot, program_of(hypothesis)};
-        try {
-            kernel_ = context_->kernel(kRoot, "hypothesis_apply", {}, &program);
-        } catch (const Error &error) {
-            if (error.status() != Status::kBuild)
-                throw;
-            throw Error(
-                Status::kBuild,
-                fmt::format("the OpenCL source of the hypothesis \"{}\" does not build{}; it must define "
-                            "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)",
-                            hypothesis.id,
-                            error.build_log().empty() ? std::string(": ") + error.what()
-                                                      : "; the build log tells where"),
-                error.opencl_code(), error.build_log());
-        }
-    }
+          source_(context_, hypothesis) {}
 
-    void run(const HypothesisFrame &frame, std::size_t value_count) {
+    void run(const HypothesisFrame &frame) {
         const CaptureLayout &layout = *frame.layout;
         const SequenceLayout &sequence = layout.sequences[frame.sequence];
         const std::size_t bytes = layout.pixel_count() * sizeof(float);
@@ -94,29 +78,22 @@ class Pass {
             before_ = DeviceBuffer(context_, bytes);
             after_ = DeviceBuffer(context_, bytes);
         }
-        cl_float4 values{};
-        for (std::size_t i = 0; i < std::min(value_count, kMostValues); ++i)
-            values.s[i] = static_cast<cl_float>(frame.values[i]);
-        KernelArguments(kernel_)
-            .add(before_.get())
-            .add(after_.get())
-            .add(cl_uint{layout.width})
-            .add(cl_uint{layout.height})
-            .add(cl_uint{layout.bits})
-            .add(static_cast<cl_uint>(frame.sequence))
-            .add(static_cast<cl_uint>(sequence.scene))
-            .add(cl_uint{sequence.moving ? 1u : 0u})
-            .add(cl_uint{frame.frame_index})
-            .add(cl_ulong{frame.seed})
-            .add(cl_uint{number_})
-            .add(static_cast<cl_float>(sequence.f_number > 0.0 ? sequence.f_number : layout.f_number))
-            .add(static_cast<cl_float>(layout.pixel_pitch_m))
-            .add(static_cast<cl_float>(layout.wavelength_m))
-            .add(values);
+        const HypothesisPlace place{layout.width,
+                                    layout.height,
+                                    layout.bits,
+                                    static_cast<std::uint32_t>(frame.sequence),
+                                    static_cast<std::uint32_t>(sequence.scene),
+                                    sequence.moving,
+                                    frame.frame_index,
+                                    frame.seed,
+                                    sequence.f_number > 0.0 ? sequence.f_number : layout.f_number,
+                                    layout.pixel_pitch_m,
+                                    layout.wavelength_m};
         check_opencl(
             clEnqueueWriteBuffer(queue_(), before_.get()(), CL_TRUE, 0, bytes, frame.pixels, 0, nullptr, nullptr),
             "clEnqueueWriteBuffer");
-        CommandChain(queue_(), 0, nullptr).run("hypothesis", kernel_, layout.width, layout.height);
+        CommandChain chain(queue_(), 0, nullptr);
+        source_.enqueue(chain, before_.get(), after_.get(), place, frame.values);
         check_opencl(
             clEnqueueReadBuffer(queue_(), after_.get()(), CL_TRUE, 0, bytes, frame.pixels, 0, nullptr, nullptr),
             "clEnqueueReadBuffer");
@@ -125,9 +102,8 @@ class Pass {
   private:
     std::shared_ptr<Context> context_;
     cl::CommandQueue queue_;
-    cl::Kernel kernel_;
+    OpenclHypothesis source_;
     DeviceBuffer before_, after_;
-    std::uint32_t number_;
 };
 
 } // namespace
@@ -161,10 +137,52 @@ void check_opencl_hypothesis(const Hypothesis &hypothesis) {
     }
 }
 
+OpenclHypothesis::OpenclHypothesis(std::shared_ptr<Context> context, const Hypothesis &hypothesis)
+    : number_(number_of(hypothesis.id)), value_count_(std::min(hypothesis.parameters.size(), kMostValues)) {
+    const ProgramCache::GeneratedHeader program{kRoot, program_of(hypothesis)};
+    try {
+        kernel_ = context->kernel(kRoot, "hypothesis_apply", {}, &program);
+    } catch (const Error &error) {
+        if (error.status() != Status::kBuild)
+            throw;
+        throw Error(
+            Status::kBuild,
+            fmt::format("the OpenCL source of the hypothesis \"{}\" does not build{}; it must define "
+                        "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)",
+                        hypothesis.id,
+                        error.build_log().empty() ? std::string(": ") + error.what() : "; the build log tells where"),
+            error.opencl_code(), error.build_log());
+    }
+}
+
+void OpenclHypothesis::enqueue(CommandChain &chain, const cl::Buffer &before, const cl::Buffer &after,
+                               const HypothesisPlace &place, const double *values) {
+    cl_float4 numbers{};
+    for (std::size_t i = 0; i < value_count_; ++i)
+        numbers.s[i] = static_cast<cl_float>(values[i]);
+    KernelArguments(kernel_)
+        .add(before)
+        .add(after)
+        .add(cl_uint{place.width})
+        .add(cl_uint{place.height})
+        .add(cl_uint{place.bits})
+        .add(cl_uint{place.sequence})
+        .add(cl_uint{place.scene})
+        .add(cl_uint{place.moving ? 1u : 0u})
+        .add(cl_uint{place.frame_index})
+        .add(cl_ulong{place.seed})
+        .add(cl_uint{number_})
+        .add(static_cast<cl_float>(place.f_number))
+        .add(static_cast<cl_float>(place.pixel_pitch_m))
+        .add(static_cast<cl_float>(place.wavelength_m))
+        .add(numbers);
+    chain.run("own_effect", kernel_, place.width, place.height);
+}
+
 std::function<void(const HypothesisFrame &)> opencl_hypothesis(std::shared_ptr<Context> context,
                                                                const Hypothesis &hypothesis) {
     const auto pass = std::make_shared<Pass>(std::move(context), hypothesis);
-    return [pass, count = hypothesis.parameters.size()](const HypothesisFrame &frame) { pass->run(frame, count); };
+    return [pass](const HypothesisFrame &frame) { pass->run(frame); };
 }
 
 } // namespace clsp

@@ -175,6 +175,19 @@ void run() {
     pipeline.warm_up(queue, frame);
     pipeline.enqueue_frame(queue, frame);
     pipeline.check(queue);
+    clspeckle::Hypothesis own;
+    own.stage = "optics";
+    own.parameters = {{"by", "1", 0.0, 2.0, 1.0, 1.5}};
+    own.opencl_source = "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {\n"
+                        "    return values.by * hypothesis_pixel(frame, x - 1, y + 1);\n}\n";
+    for (const std::uint32_t point : {CLSP_HYPOTHESIS_IRRADIANCE, CLSP_HYPOTHESIS_INTENSITY, CLSP_HYPOTHESIS_CODES}) {
+        own.id = "own_" + std::to_string(point);
+        own.point = point;
+        clspeckle::set_effect(pipeline, own);
+    }
+    pipeline.enqueue_frame(queue, frame);
+    pipeline.check(queue);
+    pipeline.clear_effects();
 
     const ClspMoments moments = clspeckle::statistics::moments(context, queue, ideal.view, &mask.view);
     clspeckle::statistics::moments(context, queue, codes.view);

@@ -224,6 +224,21 @@ typedef struct ClspDiagnosisStep {
 
 /** Writes the defaults into *hypothesis. @param struct_size sizeof(ClspHypothesis). */
 CLSP_API ClspStatus clspHypothesisInit(ClspHypothesis *hypothesis, uint32_t struct_size);
+/**
+ * Switches an effect of the caller's own on in a pipeline, or changes its parameters. Frames enqueued later have it. Not for the per-frame path:
+ * builds its program. clspPipelineClearEffect() takes its id, too. Effects at one point work one after the other, as they were first set.
+ *
+ * The frame that the source sees has the sensor's bits (0 without one), the pipeline's seed, the sequence 0 and the lower 32 bits of the frame's
+ * index (a number beyond them is the sequence), CLSP_SCENE_DARK, CLSP_SCENE_DOTS of a pattern or dots, or CLSP_SCENE_FLAT, and is not moving.
+ * IRRADIANCE is the ideal image before the lens distorts it; what becomes negative or not finite there counts as a bad pixel
+ * (clspPipelineCheck()). INTENSITY is the light before the sensor, or the frame of a pipeline without one. CODES needs a sensor, and UINT16 or
+ * UINT8 output; NaN becomes 0.
+ * @param hypothesis with opencl_source; everything is copied.
+ * @param values     its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle between weak and strong.
+ * @return CLSP_ERROR_UNSUPPORTED for a function of the host; CLSP_ERROR_BUILD with the compiler's log. After an error everything is as it was.
+ */
+CLSP_API ClspStatus clspPipelineSetHypothesis(ClspPipeline pipeline, const ClspHypothesis *hypothesis, const double *values,
+                                              uint32_t count);
 /** Writes the defaults into *desc. @param struct_size sizeof(ClspDiagnoseDesc). */
 CLSP_API ClspStatus clspDiagnoseDescInit(ClspDiagnoseDesc *desc, uint32_t struct_size);
 

@@ -172,7 +172,7 @@ CLSP_API ClspStatus clspSimulate(ClspContext context, uint32_t width, uint32_t h
 /** Device time of one stage of the last frame. Layout frozen. */
 typedef struct ClspStageTiming {
     char stage[32];       /**< "pattern", "dots", "motion", "distortion", "subsurface", "airflow", "phase", "field", "fft", "pupil", "inverse_fft", "intensity",
-                               "lens", "sensor". With the engines "cpu" and "gpu" (ClspApertureInfo::fft_engine) "fft" holds the field, and
+                               "lens", "own_effect", "sensor". With the engines "cpu" and "gpu" (ClspApertureInfo::fft_engine) "fft" holds the field, and
                                "inverse_fft" the intensity, and also the sensor of a frame of laser light, if neither
                                crosstalk, oversampling, a fill factor nor the lens's glare, vignetting or ambient light stands between. */
     double milliseconds;  /**< Sum over the stage's commands. */

@@ -294,6 +294,41 @@ TEST_F(CppBinding, EffectsAreListedSwitchedAndCleared) {
     EXPECT_THROW(pipeline.set_effect("prnu"), clspeckle::Error) << "there is no sensor";
     EXPECT_THROW(pipeline.clear_effect("no_such_effect"), clspeckle::Error);
     EXPECT_EQ(plain, render());
+
+    // One of the caller's own, after one of the catalogue.
+    clspeckle::Hypothesis own;
+    own.id = "twice";
+    own.stage = "optics";
+    own.parameters = {{"by", "1", 0.0, 4.0, 1.0, 3.0}};
+    own.opencl_source = "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {\n"
+                        "    return values.by * hypothesis_pixel(frame, x, y);\n}\n";
+    const auto times = [](std::vector<float> values, float factor) {
+        for (float &value : values)
+            value *= factor;
+        return values;
+    };
+    clspeckle::set_effect(pipeline, own); // the middle
+    EXPECT_EQ(times(plain, 2.0f), render());
+    pipeline.set_effect("glare", {0.125});
+    clspeckle::set_effect(pipeline, own, {4.0});
+    EXPECT_EQ(times(glare, 4.0f), render());
+    pipeline.clear_effect("glare");
+    pipeline.clear_effect("twice");
+    EXPECT_EQ(plain, render());
+    EXPECT_THROW(clspeckle::set_effect(pipeline, own, {5.0}), clspeckle::Error);
+    EXPECT_THROW(clspeckle::set_effect(pipeline, own, {1.0, 1.0}), clspeckle::Error) << "it has one parameter";
+    own.opencl_source.clear();
+    own.apply = [](const ClspHypothesisFrame &) {};
+    try {
+        clspeckle::set_effect(pipeline, own);
+        FAIL() << "frames on the device do not wait for a function";
+    } catch (const clspeckle::Error &error) {
+        EXPECT_EQ(CLSP_ERROR_UNSUPPORTED, error.status());
+        EXPECT_NE(std::string::npos, std::string(error.what()).find("give opencl_source"));
+    }
+    EXPECT_EQ(CLSP_ERROR_INVALID_ARGUMENT, clspPipelineSetHypothesis(pipeline, nullptr, nullptr, 0));
+    EXPECT_EQ(CLSP_ERROR_INVALID_HANDLE, clspPipelineSetHypothesis(nullptr, nullptr, nullptr, 0));
+    EXPECT_EQ(plain, render());
 }
 
 } // namespace

@@ -606,7 +606,6 @@ def test_a_cluster_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
         patch.setitem(sys.modules, "distributed", None)
         with pytest.raises(RuntimeError, match="pip install distributed"), dataset.cluster("tcp://127.0.0.1:9"):
             pass
-    assert distributed.Client, "with it the next line is reached"
     with pytest.raises(RuntimeError, match="no scheduler of a cluster answers"), dataset.cluster("nowhere"):
         pass
 

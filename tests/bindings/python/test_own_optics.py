@@ -175,3 +175,168 @@ def test_what_the_messages_advise_works(context: clspeckle.Context, ideal: Image
     )
     phase.set_field(field)
     assert np.array_equal(phase.field(0), field.astype(np.complex64))
+
+
+def own(
+    body: str, point: str = "intensity", name: str = "own", weak_strong: tuple[float, ...] = (1, 3, -9, 9)
+) -> clspeckle.Hypothesis:
+    head = "float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y)"
+    return clspeckle.Hypothesis(name, "optics", f"{head} {{ {body} }}", {"by": weak_strong}, point=point)
+
+
+HALF = "return x < 24 ? 0.5f * hypothesis_pixel(frame, x, y) : values.by * hypothesis_pixel(frame, x, y);"
+
+
+@pytest.mark.parametrize("lens", [{}, {"k1": -0.05}, {"glare_fraction": 0.2}], ids=["no lens", "distortion", "glare"])
+def test_an_effect_on_the_ideal_image_is_an_ideal_image_so_changed(
+    context: clspeckle.Context, ideal: Image, lens: dict[str, float]
+) -> None:
+    factor = np.where(np.arange(SHAPE[1]) < 24, 0.5, 2).astype(np.float32)
+    for more in ({}, {"output": "codes", "exposure_gain_dn": 200}):
+        expected = of_optics(context, seed=3, **lens, **more).render(ideal * factor)
+        camera = of_optics(context, seed=3, **lens, **more)
+        plain = camera.render(ideal, frame_index=0, refresh="all")
+        camera.set_effect(own(HALF, "irradiance"))  # the middle of 1 and 3
+        assert camera.effects == {"own": {"by": 2}}
+        got = camera.render(ideal, frame_index=0, refresh="all")
+        assert np.array_equal(got, expected)
+        assert not np.array_equal(got, plain)
+        led = camera.render(ideal, frame_index=0, illumination="incoherent")
+        camera.clear_effect("own")
+        assert np.array_equal(camera.render(ideal, frame_index=0, refresh="all"), plain)
+        assert np.array_equal(camera.render(ideal * factor, frame_index=0, illumination="incoherent"), led)
+
+
+def test_an_effect_behind_the_lens_and_one_on_codes(context: clspeckle.Context, ideal: Image) -> None:
+    """Against NumPy: light without a sensor, the sensor's codes of that light, and codes changed and rounded."""
+    sensor: dict[str, Any] = {"output": "codes", "exposure_gain_dn": 200, "read_noise_dn": 2, "seed": 3}
+    ramp = own("return hypothesis_pixel(frame, x, y) * (1 + 0.25f * x) + values.by * y;", weak_strong=(0, 1))
+    shift = own("return hypothesis_pixel(frame, x + 1, y) + values.by;", "codes", "shift", (7.4, 7.4, 0, 2000))
+    rows, columns = (axis.astype(np.float32) for axis in np.mgrid[: SHAPE[0], : SHAPE[1]])
+    light = of_optics(context, seed=3)
+    plain = light.render(ideal)
+    light.set_effect(ramp, by=0.5)
+    changed = light.render(ideal, frame_index=0, refresh="all")
+    assert np.allclose(changed, plain * (1 + 0.25 * columns) + 0.5 * rows, rtol=1e-6)
+    for bits, dtype in ((10, np.uint16), (8, np.uint8)):
+        camera = of_optics(context, **{**sensor, "bits": bits})
+        before = camera.render(ideal, frame_index=0, refresh="all", dtype=dtype)
+        camera.set_effect(ramp, by=0.5)
+        assert camera.sensor is not None
+        expected = camera.sensor.expose(changed, frame_index=0, dtype=dtype)
+        lit = camera.render(ideal, frame_index=0, refresh="all", dtype=dtype)
+        assert np.array_equal(lit, expected)
+        camera.set_effect(shift)
+        moved = np.concatenate([lit[:, 1:], lit[:, -1:]], axis=1).astype(np.float32)
+        top = 2**bits - 1
+        got = camera.render(ideal, frame_index=0, refresh="all", dtype=dtype)
+        assert np.array_equal(got, np.clip(np.rint(moved + np.float32(7.4)), 0, top))
+        assert (got == top).any()
+        # In the dark light has nothing to change, codes have.
+        dark = camera.render(frame_index=1, illumination="dark", dtype=dtype)
+        camera.clear_effect(shift)
+        darker = camera.render(frame_index=1, illumination="dark", dtype=dtype)
+        assert np.array_equal(dark[:, :-1], np.rint(darker[:, 1:].astype(np.float32) + np.float32(7.4)))
+        camera.clear_effect()
+        assert camera.effects == {}
+        assert np.array_equal(camera.render(ideal, frame_index=0, refresh="all", dtype=dtype), before)
+    light.render(illumination="dark")
+    assert not light.render(illumination="dark").any()
+
+
+def test_own_effects_work_one_after_the_other(context: clspeckle.Context, ideal: Image) -> None:
+    camera = of_optics(context, seed=3)
+    plain = camera.render(ideal)
+    add = own("return hypothesis_pixel(frame, x, y) + values.by;", name="add")
+    double = own("return values.by * hypothesis_pixel(frame, x, y);", name="double")
+    for effect in (add, double):
+        camera.set_effect(effect, by=2)
+    assert np.array_equal(camera.render(ideal), np.float32(2) * (plain + np.float32(2)))
+    camera.set_effect(add, by=3)  # keeps its place
+    camera.set_effect("vignetting", corner_loss=0.3)
+    with_both = camera.render(ideal)
+    camera.clear_effect(add)
+    camera.clear_effect(double)
+    camera.clear_effect(double)
+    assert np.array_equal(with_both, np.float32(2) * (camera.render(ideal) + np.float32(3)))
+    assert list(camera.effects) == ["vignetting"]
+
+
+def test_what_an_own_effect_draws(context: clspeckle.Context, ideal: Image) -> None:
+    """Standard normal numbers: 40 frames of 1,536. By chance a mean beyond 5 standard errors, or a spread beyond 5 of
+    its own, comes once in a million; numbers that were all the same, or uniform, would be far beyond."""
+    new = own("return hypothesis_pixel(frame, x, y) + values.by * hypothesis_normal(frame, x, y, 0);")
+    fixed = own("return hypothesis_pixel(frame, x, y) + values.by * hypothesis_fixed_normal(frame, x, y, 0);")
+    cameras = [of_optics(context, seed=3) for _ in range(3)]
+    for camera, effect in zip(cameras[1:], (new, fixed), strict=True):
+        camera.set_effect(effect, by=1)
+    plain = cameras[0].render(ideal)
+    frames = [np.stack([camera.render(ideal, frame_index=i) - plain for i in range(40)]) for camera in cameras[1:]]
+    count = frames[0].size
+    assert abs(frames[0].mean()) < 5 / np.sqrt(count)
+    assert abs(frames[0].std() - 1) < 5 / np.sqrt(2 * count)
+    assert len(np.unique(frames[0])) > 0.9 * count
+    assert np.ptp(frames[1], axis=0).max() < 1e-5
+    assert abs(frames[1][0].std() - 1) < 5 / np.sqrt(2 * plain.size)
+    again = of_optics(context, seed=3)
+    again.set_effect(new, by=1)
+    again.render(ideal, frame_index=0)
+    assert np.array_equal(again.render(ideal, frame_index=17) - plain, frames[0][17])
+    far = again.render(ideal, frame_index=2**32 + 17) - plain
+    assert abs(np.corrcoef(far.ravel(), frames[0][17].ravel())[0, 1]) < 5 / np.sqrt(plain.size)
+    other = of_optics(context, seed=4)
+    without = other.render(ideal)
+    other.set_effect(fixed, by=1)
+    pattern = other.render(ideal) - without
+    assert abs(np.corrcoef(pattern.ravel(), frames[1][0].ravel())[0, 1]) < 5 / np.sqrt(plain.size)
+
+
+def test_an_own_effect_knows_its_camera(context: clspeckle.Context, ideal: Image) -> None:
+    body = """
+        const float facts[] = {frame.width, frame.height, frame.bits, frame.scene, frame.frame_index, frame.f_number,
+                               1e6f * frame.pixel_pitch_m, 1e9f * frame.wavelength_m, values.by};
+        return facts[x % 9];
+    """
+    dots = clspeckle.Dots(SHAPE, [(20, 16)], context=context)
+    for of_dots, scene in ((None, 1), (dots, 3)):
+        camera = clspeckle.Pipeline.from_parameters(
+            SHAPE, dots=of_dots, f_number=4, pixel_pitch_m=3e-6, wavelength_m=850e-9, bits=10, context=context
+        )
+        camera.set_effect(own(body, "codes"), by=5)
+        told = camera.render(None if of_dots else ideal, frame_index=7)[0, :9]
+        assert told.tolist() == [48, 32, 10, scene, 7, 4, 3, 850, 5]
+
+
+def test_what_is_no_effect_for_a_pipeline(context: clspeckle.Context, ideal: Image) -> None:
+    camera = of_optics(context, seed=3)
+    plain = camera.render(ideal)
+    good = own("return values.by * hypothesis_pixel(frame, x, y);")
+    function = clspeckle.Hypothesis("own", "optics", lambda pixels, **_: pixels, {"by": (1, 3)})
+    with pytest.raises(TypeError, match="give it OpenCL source, or call the function on the frames"):
+        camera.set_effect(function)
+    with pytest.raises(TypeError, match="the effect own has no parameter 'bye'; did you mean"):
+        camera.set_effect(good, bye=1)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match='by of the hypothesis "own" is 10, it must be -9'):
+        camera.set_effect(good, by=10)
+    with pytest.raises(clspeckle.errors.BuildError, match="does not build") as told:
+        camera.set_effect(own("return no_such_name;"))
+    assert "no_such_name" in str(told.value.build_log)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="has no sensor; make it with one"):
+        camera.set_effect(own("return 1;", "codes"))
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="#include"):
+        camera.set_effect(own('return 1; }\n#include "x"\nfloat f(void) { return 1;'))
+    defocus = own("return 1;", name="defocus")
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="has the id of an effect of the catalogue"):
+        camera.set_effect(defocus)
+    assert camera.effects == {}
+    assert np.array_equal(camera.render(ideal), plain)
+    coded = of_optics(context, output="codes")
+    coded.set_effect(own("return 1;", "codes"))
+    with pytest.raises(clspeckle.errors.InvalidFormatError, match="use uint16, or uint8"):
+        coded.render(ideal, dtype=np.float32)
+    assert (coded.render(ideal, dtype=np.uint16) == 1).all(), "the advice works"
+    dim = of_optics(context, seed=3)
+    dim.set_effect(own("return x == 5 ? -1.0f : hypothesis_pixel(frame, x, y);", "irradiance"))
+    dim.render(ideal)
+    with pytest.raises(clspeckle.errors.InvalidDataError, match="irradiance: 0 NaN or infinite and 32 negative"):
+        dim.check()

@@ -1278,6 +1278,30 @@ template <std::size_t Size> void copy_text(char (&to)[Size], const std::string &
     std::memcpy(to, from.c_str(), from.size() + 1);
 }
 
+/** A hypothesis without its function, as the C interface takes it; `from` and `parameters` must outlive it. */
+inline ClspHypothesis described(const Hypothesis &from, std::vector<ClspEffectParameter> &parameters) {
+    for (const HypothesisParameter &p : from.parameters) {
+        ClspEffectParameter parameter{};
+        copy_text(parameter.name, p.name);
+        copy_text(parameter.unit, p.unit);
+        parameter.minimum = p.minimum;
+        parameter.maximum = p.maximum;
+        parameter.weak = p.weak;
+        parameter.strong = p.strong;
+        parameters.push_back(parameter);
+    }
+    ClspHypothesis to{};
+    init(to);
+    to.point = from.point;
+    to.id = from.id.c_str();
+    to.stage = from.stage.c_str();
+    to.summary = from.summary.c_str();
+    to.parameters = parameters.data();
+    to.parameter_count = static_cast<std::uint32_t>(parameters.size());
+    to.opencl_source = from.opencl_source.empty() ? nullptr : from.opencl_source.c_str();
+    return to;
+}
+
 /** Calls call(desc, handle) with the options as the C interface takes them. */
 template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options, Call call) {
     std::exception_ptr thrown;
@@ -1288,28 +1312,11 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
     std::vector<detail::Carried<std::function<void(const ClspHypothesisFrame &)>>> functions(count);
     for (std::size_t i = 0; i < count; ++i) {
         const Hypothesis &from = options.hypotheses[i];
-        for (const HypothesisParameter &p : from.parameters) {
-            ClspEffectParameter parameter{};
-            detail::copy_text(parameter.name, p.name);
-            detail::copy_text(parameter.unit, p.unit);
-            parameter.minimum = p.minimum;
-            parameter.maximum = p.maximum;
-            parameter.weak = p.weak;
-            parameter.strong = p.strong;
-            parameters[i].push_back(parameter);
-        }
         ClspHypothesis &to = hypotheses[i];
-        detail::init(to);
-        to.point = from.point;
-        to.id = from.id.c_str();
-        to.stage = from.stage.c_str();
-        to.summary = from.summary.c_str();
-        to.parameters = parameters[i].data();
-        to.parameter_count = static_cast<std::uint32_t>(parameters[i].size());
+        to = detail::described(from, parameters[i]);
         functions[i] = {&from.apply, &thrown};
         to.apply = from.apply ? detail::clspeckle_detail_apply : nullptr;
         to.user_data = &functions[i];
-        to.opencl_source = from.opencl_source.empty() ? nullptr : from.opencl_source.c_str();
         pointers.push_back(&to);
     }
     std::vector<const char *> without;
@@ -1351,6 +1358,17 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
 }
 
 } // namespace detail
+
+/** Switches an effect of the caller's own, which has OpenCL source, on in a pipeline; Pipeline::clear_effect() takes its id. Not for the per-frame
+ *  path. @param values its parameters in order; those left out take the middle between weak and strong. */
+inline void set_effect(const Pipeline &pipeline, const Hypothesis &hypothesis, const std::vector<double> &values = {}) {
+    std::vector<ClspEffectParameter> parameters;
+    ClspHypothesis described = detail::described(hypothesis, parameters);
+    if (hypothesis.apply) // refused in words
+        described.apply = [](void *, const ClspHypothesisFrame *) -> std::int32_t { return 1; };
+    check(clspPipelineSetHypothesis(pipeline, &described, values.empty() ? nullptr : values.data(),
+                                    static_cast<std::uint32_t>(values.size())));
+}
 
 /** clspDiagnose(). Blocks; may be called from any thread. */
 inline Diagnosis diagnose(const Context &context, const Capture &capture, const DiagnoseOptions &options = {}) {

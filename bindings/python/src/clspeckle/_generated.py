@@ -625,6 +625,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspPipelineSetEffect": (_void, _text, _P(_f64), _u32),
     "clspPipelineClearEffect": (_void, _text),
     "clspHypothesisInit": (_P(ClspHypothesis), _u32),
+    "clspPipelineSetHypothesis": (_void, _P(ClspHypothesis), _P(_f64), _u32),
     "clspDiagnoseDescInit": (_P(ClspDiagnoseDesc), _u32),
     "clspDiagnose": (_void, _void, _P(ClspDiagnoseDesc), _P(_void)),
     "clspCompare": (_void, _void, _void, _P(ClspDiagnoseDesc), _P(_void)),

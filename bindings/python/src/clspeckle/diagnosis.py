@@ -646,35 +646,55 @@ def _range_of(given: Sequence[float], name: str) -> tuple[float, float, float, f
     return numbers[0], numbers[1], minimum, maximum
 
 
+def hypothesis_struct(hypothesis: Hypothesis) -> Any:
+    """Its C struct, without a function of Python's; what it points to lives as long as it does."""
+    name = hypothesis.id
+    names = list(hypothesis.parameters)
+    parameters = (_library.ClspEffectParameter * max(1, len(names)))()
+    for parameter, key in zip(parameters, names):
+        where = f"parameters[{key!r}] of the hypothesis {name!r}"
+        parameter.name = _fitting(key, 32, where)
+        parameter.unit = _fitting(hypothesis.units.get(key, "1"), 16, f"the unit of {where}")
+        numbers = _range_of(hypothesis.parameters[key], where)
+        parameter.weak, parameter.strong, parameter.minimum, parameter.maximum = numbers
+    struct = _library.initialized(_library.ClspHypothesis)
+    struct.point = _check.choice(hypothesis.point, f"point of the hypothesis {name!r}", _POINTS)
+    for member in ("id", "stage", "summary"):
+        setattr(struct, member, _check.no_null(getattr(hypothesis, member).encode(), member))
+    struct.parameters = parameters
+    struct.parameter_count = len(names)
+    if isinstance(hypothesis.apply, str):
+        what = f"the OpenCL source of the hypothesis {name!r}"
+        try:
+            struct.opencl_source = _check.no_null(hypothesis.apply.encode(), what)
+        except UnicodeEncodeError as error:
+            raise errors.InvalidArgumentError(f"{what} is no text that UTF-8 can hold: {error}") from None
+    return struct
+
+
+def hypothesis_values(hypothesis: Hypothesis, given: Mapping[str, Any]) -> dict[str, float]:
+    """All its parameters by name, in order; those that are missing or None take the middle between weak and strong."""
+    for key in given:
+        if key not in hypothesis.parameters:
+            names = list(hypothesis.parameters)
+            hint = _check.nearest(key, names) or f"; it has {', '.join(names)}"
+            raise TypeError(f"the effect {hypothesis.id} has no parameter {key!r}{hint}")
+    result = {}
+    for key, numbers in hypothesis.parameters.items():
+        weak, strong, *_ = _range_of(numbers, f"parameters[{key!r}] of the hypothesis {hypothesis.id!r}")
+        result[key] = 0.5 * (weak + strong) if given.get(key) is None else _check.real(given[key], key)
+    return result
+
+
 class _DiagnosisCall(Call):
     """One call of clspDiagnose() or clspCompare()."""
 
     def hypothesis(self, hypothesis: Hypothesis) -> _library.ClspHypothesis:
         if not isinstance(hypothesis, Hypothesis):
             raise TypeError(f"hypotheses must be clspeckle.Hypothesis objects, got {_check.kind(hypothesis)}")
-        name = hypothesis.id
-        names = list(hypothesis.parameters)
-        parameters = self.keep((_library.ClspEffectParameter * max(1, len(names)))())
-        for parameter, key in zip(parameters, names):
-            where = f"parameters[{key!r}] of the hypothesis {name!r}"
-            parameter.name = _fitting(key, 32, where)
-            parameter.unit = _fitting(hypothesis.units.get(key, "1"), 16, f"the unit of {where}")
-            numbers = _range_of(hypothesis.parameters[key], where)
-            parameter.weak, parameter.strong, parameter.minimum, parameter.maximum = numbers
-        struct = _library.initialized(_library.ClspHypothesis)
-        struct.point = _check.choice(hypothesis.point, f"point of the hypothesis {name!r}", _POINTS)
-        for member in ("id", "stage", "summary"):
-            setattr(struct, member, _check.no_null(getattr(hypothesis, member).encode(), member))
-        struct.parameters = parameters
-        struct.parameter_count = len(names)
-        if isinstance(hypothesis.apply, str):
-            what = f"the OpenCL source of the hypothesis {name!r}"
-            try:
-                struct.opencl_source = _check.no_null(hypothesis.apply.encode(), what)
-            except UnicodeEncodeError as error:
-                raise errors.InvalidArgumentError(f"{what} is no text that UTF-8 can hold: {error}") from None
-        else:
-            function = self._applier(hypothesis, hypothesis.apply, names)
+        struct: _library.ClspHypothesis = self.keep(hypothesis_struct(hypothesis))
+        if not isinstance(hypothesis.apply, str):
+            function = self._applier(hypothesis, hypothesis.apply, list(hypothesis.parameters))
             struct.apply = self.keep(_library.HYPOTHESIS_FUNCTION(function))
         return struct
 

@@ -30,6 +30,7 @@ from ._handle import Handle, exclusive
 from ._interop import EventLike
 from ._staging import Command, DeviceImageLike, ImageLike, Output, Stage, Staging, device_image, on_device
 from .aperture import Aperture
+from .diagnosis import Hypothesis, hypothesis_struct, hypothesis_values
 from .dots import Dots
 from .effect import Effect, effect_values, find_effect
 from .lens import Lens
@@ -303,6 +304,7 @@ class Pipeline(Stage):
         self._judged_by: tuple[Any, _doubts.Exposure] | None = None
         self._scene_name = "scene"  # of the caller's argument
         self._effects: dict[str, dict[str, float]] = {}
+        self._own: set[str] = set()  # of them, those of the caller's own
         self._polarization_count = phase.polarization_count
 
     @classmethod
@@ -565,7 +567,7 @@ class Pipeline(Stage):
 
     def _doubt(self, frame: Frame, output: npt.NDArray[Any] | None, staging: Staging) -> None:
         """Tells a frame without light, and one with nothing but the top code."""
-        if frame.illumination == "dark":
+        if frame.illumination == "dark" or self._own:  # nobody knows what an effect of the caller's own does to light
             return
         exposure, scene = self._exposure(), frame.scene
         if scene is None or isinstance(scene, Geometry) or on_device(scene):
@@ -749,11 +751,12 @@ class Pipeline(Stage):
         self._next_frame_index = min(frame.frame_index + 1, 2**48 - 1)
         return event
 
-    def set_effect(self, effect: str | Effect, /, **parameters: float | None) -> None:
+    def set_effect(self, effect: str | Effect | Hypothesis, /, **parameters: float | None) -> None:
         """Switches an effect on, or changes its parameters; later frames have it. Blocks, and builds programs.
 
         Args:
-            effect: the id of one of :func:`effects`, or the effect itself.
+            effect: the id of one of :func:`effects`, or the effect itself; or a :class:`Hypothesis` with OpenCL source,
+                an effect of your own. Those at one point work one after the other, as they were first set.
             **parameters: its parameters by name; those that are left out take the middle between weak and strong.
 
         Sensors draw their fixed patterns again, and a phase whose state changes its layout draws all phases in the next
@@ -763,7 +766,11 @@ class Pipeline(Stage):
             InvalidArgumentError: no such effect, a value out of range, or the pipeline has not the stage that the
                 effect belongs to (dots, a sensor).
             TypeError: the effect has no parameter of that name.
+            BuildError: the source of an effect of your own does not build; the message has the compiler's log.
         """
+        if isinstance(effect, Hypothesis):
+            self._set_own(effect, parameters)
+            return
         found = find_effect(effect)
         values = effect_values(found, parameters)
         numbers = (ctypes.c_double * len(values))(*values.values())
@@ -771,6 +778,21 @@ class Pipeline(Stage):
             self._settle()
             _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
             self._effects[found.id] = values
+            self._after_effects()
+
+    def _set_own(self, effect: Hypothesis, parameters: Mapping[str, Any]) -> None:
+        if not isinstance(effect.apply, str):
+            raise TypeError(
+                f"the hypothesis {effect.id!r} has a function of Python's, for which frames on the device do not wait; "
+                "give it OpenCL source, or call the function on the frames"
+            )
+        struct, values = hypothesis_struct(effect), hypothesis_values(effect, parameters)
+        numbers = (ctypes.c_double * len(values))(*values.values())
+        with exclusive(self, also=self._stages):
+            self._settle()
+            _library.call("clspPipelineSetHypothesis", self._get(), ctypes.byref(struct), numbers, len(values))
+            self._effects[effect.id] = values
+            self._own.add(effect.id)
             self._after_effects()
 
     def set_profile(self, profile: Profile, *, maps: bool = True) -> None:
@@ -805,16 +827,22 @@ class Pipeline(Stage):
                     self._effects[effect.effect] = dict(effect.parameters)
             self._after_effects()
 
-    def clear_effect(self, effect: str | Effect | None = None) -> None:
+    def clear_effect(self, effect: str | Effect | Hypothesis | None = None) -> None:
         """Switches an effect off, or all of them (None); one that is off stays off. Blocks."""
-        found = None if effect is None else find_effect(effect).id
+        found = effect.id if isinstance(effect, Hypothesis) else effect
+        if isinstance(effect, Hypothesis) and effect.id not in self._own:
+            return
+        if found is not None and found not in self._own:
+            found = find_effect(found).id
         with exclusive(self, also=self._stages):
             self._settle()
             _library.call("clspPipelineClearEffect", self._get(), None if found is None else found.encode())
             if found is None:
                 self._effects.clear()
+                self._own.clear()
             else:
                 self._effects.pop(found, None)
+                self._own.discard(found)
             self._after_effects()
 
     def _after_effects(self) -> None:

@@ -113,7 +113,7 @@ def cluster(address: str) -> Iterator[dict[str, Any]]:
     """A cluster of ``dask.distributed`` that runs, as the arguments `executor` and `workers` of :func:`write`.
 
     Args:
-        address: "tcp://HOST:PORT", as ``dask scheduler`` prints it. Its workers need clspeckle and see the same folders.
+        address: "tcp://HOST:PORT", as ``dask scheduler`` prints it. Its workers need clspeckle and see the folder.
 
     Raises:
         RuntimeError: the package `distributed` is missing, no scheduler is at the address, or it has no workers.
@@ -125,7 +125,8 @@ def cluster(address: str) -> Iterator[dict[str, Any]]:
             "a cluster needs the package distributed, which is not there; pip install distributed"
         ) from None
     try:
-        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+        of_dask: Any = distributed  # has no types of its own
+        client = of_dask.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RuntimeError(
             f"{address}: no scheduler of a cluster answers ({error}); start one with `dask scheduler`, and name the "
