@@ -6,7 +6,7 @@
 
 | topic | message | holds |
 |---|---|---|
-| image | sensor_msgs/Image, 32FC1, mono8 or mono16 | the ideal infrared image, linear; whole numbers are divided by their top code |
+| image | sensor_msgs/Image, 32FC1, mono8 or mono16 | the ideal infrared image, linear; codes by their top code |
 | codes | sensor_msgs/Image, mono16 | what the camera records, with the header of the ideal image |
 
 | parameter | is |
@@ -41,7 +41,7 @@ def pixels_of(message: Image) -> np.ndarray:
     row = message.width * dtype.itemsize
     data = np.frombuffer(message.data, np.uint8)
     if message.step < row or data.size < message.step * message.height:
-        raise ValueError(f"it has {data.size} bytes in rows of {message.step}, too few for {message.width} pixels a row")
+        raise ValueError(f"it has {data.size} bytes in rows of {message.step}, too few for its {message.width} pixels")
     rows = data[: message.step * message.height].reshape(message.height, message.step)[:, :row]
     return np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="))
 

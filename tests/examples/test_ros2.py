@@ -197,7 +197,7 @@ def test_what_cannot_be_taken_is_told_and_left_out(start: Callable[..., Ros], id
     assert [codes_of(made).shape for made in ros.published] == [(16, 32), SHAPE]
     told = "\n".join(ros.errors)
     assert "has the encoding rgb8; expected 32FC1, mono8" in told
-    assert "too few for 32 pixels a row" in told
+    assert "too few for its 32 pixels" in told
     assert "NaN" in told or "finite" in told
     assert len(ros.errors) == 3
     wrong = start(message(ideal, "32FC1"), camera__f_numbre=4.0)

@@ -76,6 +76,15 @@ def test_what_conan_exports_can_be_configured(home: dict[str, str], tmp_path: Pa
     assert sources(tmp_path, source) == sources(BUILD, ROOT) - {"io/openexr.cpp"}
 
 
+@pytest.mark.nightly
+def test_conan_makes_a_package_that_c_and_cpp_use(home: dict[str, str]) -> None:
+    """Built from the exported sources, packed, and used by the recipe's test package: no package of any server."""
+    done = run(CONAN, "create", PACKAGING / "conan", "--build=missing", "--no-remote", env=home)
+    assert done.count("first codes: ") == 2
+    (library,) = {path.name for path in Path(home["CONAN_HOME"]).rglob("p/lib/libclspeckle.so.*.*.*")}
+    assert library == f"libclspeckle.so.{release()[0]}"
+
+
 def test_conan_names_the_packages_of_the_guide() -> None:
     named = set(re.findall(r'^ +"([a-z0-9-]+)",$', (PACKAGING / "conan" / "conanfile.py").read_text(), re.MULTILINE))
     setup = (ROOT / "scripts" / "setup.sh").read_text().partition("packages=(")[2].partition(")")[0].split()

@@ -28,8 +28,8 @@ import pytest
 import zarr
 
 import clspeckle
-from clspeckle import dataset
 from binding_common import Runner
+from clspeckle import dataset
 from clspeckle.dataset import Pairs, Recipe, formats
 from clspeckle.dataset import shards as shard_files
 
