@@ -29,6 +29,7 @@ import clspeckle
 from clspeckle import dataset
 from clspeckle.dataset import formats
 from clspeckle.dataset import recipe as recipes
+from clspeckle.pipeline import of_one_frame
 
 CAMERA = {"f_number": [3.2, 8], "read_noise_dn": {"log": [1, 8]}, "bits": [8, 10], "exposure_gain_dn": 300}
 
@@ -63,7 +64,8 @@ def one_pair(recipe: dataset.Recipe, index: int, times: Times, shard: tarfile.Ta
     with times.of("scene"):
         ideal = recipe.ideal(drawn.scene)
     with times.of("camera"):
-        camera = clspeckle.Pipeline.from_parameters(ideal.shape, context=context, seed=drawn.seed, **drawn.parameters)
+        given = {**of_one_frame({**drawn.parameters, "seed": drawn.seed, "effects": drawn.effects}), "effects": None}
+        camera = clspeckle.Pipeline.from_parameters(ideal.shape, context=context, **given)
     with times.of("effects"):
         for effect, values in drawn.effects.items():
             with times.of(f"effect {effect}"):
@@ -99,7 +101,7 @@ def main() -> None:
         recipe = make_recipe(folder / "scene.npy", arguments.width, arguments.height)
         rows: dict[str, list[float]] = defaultdict(list)
         built = again = 0
-        with tarfile.open(folder / "pairs.tar", "w") as shard:
+        with (folder / "pairs.tar").open("wb") as file, formats._archive(file) as shard:
             for index in range(arguments.pairs):
                 built += one_pair(recipe, index, Times(), shard)
                 parts: dict[str, list[float]] = defaultdict(list)
@@ -125,10 +127,10 @@ def main() -> None:
         if arguments.set and arguments.workers:
             print("\n| workers | pairs a second | processor time of a pair, ms | to one worker |\n|---|---|---|---|")
         first = 0.0
-        for workers in arguments.workers if arguments.set else []:
+        for number, workers in enumerate(arguments.workers if arguments.set else []):
             wall, processor = time.monotonic(), processor_seconds()
             size = max(1, arguments.set // 10)
-            dataset.write(recipe, folder / str(workers), count=arguments.set, shard_size=size, workers=workers)
+            dataset.write(recipe, folder / str(number), count=arguments.set, shard_size=size, workers=workers)
             rate = arguments.set / (time.monotonic() - wall)
             first = first or rate
             spent = 1e3 * (processor_seconds() - processor) / arguments.set

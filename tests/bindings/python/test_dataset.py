@@ -102,6 +102,37 @@ def test_a_pair_is_what_simulate_gives(ideal: npt.NDArray[np.float32]) -> None:
     assert len({there.render(i).codes.tobytes() for i in range(6)}) == 6
 
 
+def test_a_polarization_without_light_is_not_drawn(
+    ideal: npt.NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same bits as with both; where both have light, both are drawn."""
+    drawn: list[int] = []
+    make = clspeckle.Phase.__init__
+
+    def noted(self: Any, *args: Any, **given: Any) -> None:
+        make(self, *args, **given)
+        drawn.append(self.polarization_count)
+
+    monkeypatch.setattr(clspeckle.Phase, "__init__", noted)
+    effects = ["defocus", "linewidth", "depolarization", "low_roughness"]
+    there = recipe(ideal, cameras=[{"exposure_gain_dn": 150}], effects=effects, effects_per_image=(0, 2))
+    counts = set()
+    for index in range(16):
+        pair = there.render(index)
+        both = 2 if "depolarization" in pair.draw.effects else 1
+        assert drawn.pop() == both
+        given: dict[str, Any] = {"exposure_gain_dn": 150, "seed": pair.draw.seed, "effects": pair.draw.effects}
+        clspeckle.simulate(pair.ideal, **given)
+        assert drawn.pop() == both
+        whole = clspeckle.simulate(pair.ideal, polarization_count=2, **given)
+        assert drawn.pop() == 2
+        assert np.array_equal(pair.codes, whole)
+        counts.add(both)
+    assert counts == {1, 2}
+    clspeckle.simulate(ideal, degree_of_polarization=0.5, seed=1)
+    assert drawn.pop() == 2
+
+
 def test_shards_are_the_same_bytes_however_they_are_made(ideal: npt.NDArray[np.float32], tmp_path: Path) -> None:
     there = recipe(ideal)
     told: list[tuple[int, int]] = []

@@ -1087,6 +1087,15 @@ def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:
     return result
 
 
+def of_one_frame(parameters: PipelineParameters) -> PipelineParameters:
+    """The same with one polarization where the second has no light: it would be drawn in vain. The frame's bits stay
+    the same, as each polarization has numbers of its own."""
+    polarized = parameters.get("degree_of_polarization") in (None, 1) and not parameters.get("polarization_count")
+    if not polarized or "depolarization" in (parameters.get("effects") or {}) or "field" in parameters:
+        return parameters
+    return {**parameters, "polarization_count": 1}
+
+
 def _hashable(value: Any) -> Any:
     """A dictionary as something that can be part of a key."""
     if isinstance(value, Mapping):
@@ -1158,7 +1167,7 @@ def simulate(
         key = None
     camera: Pipeline | None = None if key is None else context._take_camera(key)
     if camera is None:
-        camera = Pipeline.from_parameters(size, output=output, context=context, **parameters)
+        camera = Pipeline.from_parameters(size, output=output, context=context, **of_one_frame(parameters))
     elif camera.sensor is not None:
         camera.sensor.reset_lag()
     camera._scene_name = "ideal"

@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import _json_file, errors
-from .recipe import Draw, Pair, Recipe, npy_bytes
+from .recipe import Draw, Pair, Recipe, bytes_of, npy_bytes
 
+_PIECE_BYTES = 1 << 18  # that are copied at once into an archive; pieces beyond this are slower, of fresh memory
 AddPair = Callable[[Pair], None]
 Loaded = tuple[Draw, npt.NDArray[Any], "npt.NDArray[Any] | None"]
 
@@ -106,6 +107,11 @@ def _add(archive: tarfile.TarFile, name: str, data: bytes) -> None:
     archive.addfile(info, io.BytesIO(data))
 
 
+def _archive(file: BinaryIO) -> tarfile.TarFile:
+    # The pieces of tarfile itself are of 16 KiB.
+    return tarfile.TarFile(fileobj=file, mode="w", format=tarfile.USTAR_FORMAT, copybufsize=_PIECE_BYTES)
+
+
 class _WebDataset:
     """One archive a shard, with three files a pair."""
 
@@ -121,7 +127,7 @@ class _WebDataset:
     @contextlib.contextmanager
     def shard(self, folder: Path, number: int, shard_size: int, with_ideal: bool) -> Iterator[AddPair]:
         (path,) = self.files(folder, number, with_ideal)
-        with whole(path) as file, tarfile.open(fileobj=file, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        with whole(path) as file, _archive(file) as archive:
 
             def add(pair: Pair) -> None:
                 key = f"{pair.draw.index:09d}"
@@ -265,9 +271,9 @@ class _Zarr:
 
             def add(pair: Pair) -> None:
                 label = _label(pair.draw)
-                parts = {
-                    "codes": pair.codes.astype(_DTYPES["codes"]).tobytes(),
-                    "ideal": pair.ideal.astype(_DTYPES["ideal"]).tobytes(),
+                parts: dict[str, bytes | memoryview] = {
+                    "codes": bytes_of(pair.codes.astype(_DTYPES["codes"], copy=False)),
+                    "ideal": bytes_of(pair.ideal.astype(_DTYPES["ideal"], copy=False)),
                     "labels": struct.pack("<II", 1, len(label)) + label,  # one text, and its length
                 }
                 for name, file in zip(names, files):
