@@ -1,6 +1,7 @@
 // What is odd about the codes of a valid capture.
 #include "capture/capture_check.hpp"
 #include "capture/code_warnings.hpp"
+#include "capture/frame_changes.hpp"
 #include "capture/metadata_warnings.hpp"
 #include "capture/noise_warnings.hpp"
 #include "capture/pixel_warnings.hpp"
@@ -116,8 +117,10 @@ void warn_of_codes(const CaptureLayout &layout, std::size_t sequence, const Sequ
         warn("torn_frames",
              fmt::format(
                  "{} of {} frames are torn: in frame {} rows {} to {} are those of the frame before, bit for bit, "
-                 "and the others are not. The grabber hands out a frame before it is whole",
-                 torn.size(), s.frame_count, first.frame, first.first_row, first.last_row),
+                 "and the others are not. The grabber hands out a frame before it is whole: let it wait for the end of "
+                 "each, or leave those out: take {}",
+                 torn.size(), s.frame_count, first.frame, first.first_row, first.last_row,
+                 without_frames(torn, s.frame_count)),
              torn);
     }
     if (summary.saturated_fraction > 0.2 && summary.minimum != summary.maximum)

@@ -14,6 +14,15 @@
 #include <utility>
 
 namespace clsp {
+
+std::string without_frames(const std::vector<std::size_t> &odd, std::size_t count) {
+    if (odd.size() * 2 == count && (odd.back() - odd.front()) == 2 * (odd.size() - 1))
+        return fmt::format("codes[{}::2]", 1 - odd.front());
+    constexpr std::size_t kMost = 12;
+    return odd.size() <= kMost ? fmt::format("numpy.delete(codes, [{}], axis=0)", fmt::join(odd, ", "))
+                               : "the other frames alone";
+}
+
 namespace {
 
 using Series = std::vector<double>;
@@ -271,15 +280,6 @@ double mean_of_frames(const Series &values, const std::vector<std::size_t> &fram
     for (const std::size_t t : frames)
         sum += values[t];
     return sum / double(frames.size());
-}
-
-// How to leave frames out of a stack.
-std::string without_frames(const std::vector<std::size_t> &odd, std::size_t count) {
-    if (odd.size() * 2 == count && (odd.back() - odd.front()) == 2 * (odd.size() - 1))
-        return fmt::format("codes[{}::2]", 1 - odd.front());
-    constexpr std::size_t kMost = 12;
-    return odd.size() <= kMost ? fmt::format("numpy.delete(codes, [{}], axis=0)", fmt::join(odd, ", "))
-                               : "the other frames alone";
 }
 
 // "3, 7, 8 and 12 more"

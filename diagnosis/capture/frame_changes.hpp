@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace clsp {
@@ -15,6 +16,9 @@ namespace clsp {
 struct SequenceChange : CaptureWarning {
     bool level_drifts = false; // little by little, as a lamp does: not from one frame to the next
 };
+
+// How to leave frames out of a stack, in NumPy's words: codes[0::2].
+std::string without_frames(const std::vector<std::size_t> &odd, std::size_t count);
 
 // The kind of frames without light among others that have some.
 constexpr const char *kFramesWithoutLight = "frames_without_light";

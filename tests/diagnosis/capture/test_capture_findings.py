@@ -654,6 +654,20 @@ def test_frames_without_light(found) -> None:
     assert found(arrays, camera) == []
 
 
+def test_torn_frames_are_told_and_left_out(found) -> None:
+    """The grabber hands out frame 9 with the upper third of frame 8."""
+    arrays, camera = recorded(14, frames=16)
+    board = arrays["board_static"].copy()
+    rows = board.shape[1] // 3
+    board[9, :rows] = board[8, :rows]
+    (warning,) = found({**arrays, "board_static": board}, camera)
+    assert (warning["kind"], warning["sequence"], warning["frames"]) == ("torn_frames", "board_static", [9])
+    advice = re.search(r"or leave those out: take (.*)$", warning["text"])
+    assert advice
+    arrays["board_static"] = eval(advice[1], {"codes": board, "numpy": np})
+    assert found(arrays, camera) == []
+
+
 def test_a_staircase_is_steps_and_a_smooth_drift_is_none(found) -> None:
     arrays, camera = recorded(13, frames=18)
     flat = arrays["flat"].astype(float)
