@@ -77,3 +77,23 @@ def test_no_source_reads_them_otherwise() -> None:
     environ = [path.name for path in sources if re.search(r"\benviron\b", path.read_text())]
     assert environ == ["context.cpp"]
     assert "AT_SECURE" in (ROOT / "core" / "runtime" / "context.cpp").read_text()
+
+
+IN_ORDER_ONLY = """
+import clspeckle
+try:
+    clspeckle.Queue(out_of_order=True)
+except clspeckle.errors.UnsupportedError as error:
+    assert "the device has no out-of-order queues; make an in-order one" in str(error)
+else:
+    raise SystemExit("a queue out of order was made")
+clspeckle.Queue().finish()
+"""
+
+
+def test_a_device_without_queues_out_of_order_says_so() -> None:
+    preload = {"LD_PRELOAD": str(BUILD / "lib" / "libin_order.so")}
+    done = subprocess.run(
+        [sys.executable, "-c", IN_ORDER_ONLY], env={**os.environ, **preload}, capture_output=True, check=False, text=True
+    )
+    assert done.returncode == 0, done.stderr
