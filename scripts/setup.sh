@@ -12,7 +12,7 @@ if [ "$level" = figure ]; then
     packages=(pocl-opencl-icd python3 python3-venv)
 elif [ "$level" = test ]; then
     packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache doxygen groff-base mmdebstrap
-               libegl-dev libgl-dev libegl-mesa0 libgl1-mesa-dri)
+               libegl-dev libgl-dev libegl-mesa0 libgl1-mesa-dri chromium)
 fi
 
 missing=()

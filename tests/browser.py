@@ -1,4 +1,4 @@
-"""Pages as a browser shows them: headless Chromium, where it is installed."""
+"""Pages as a browser shows them: headless Chromium. Without it the tests are skipped, which fails a run of all."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ MEAN, LONGEST, COLUMNS = 20.0, 45, 120
 READMES = sorted(page for folder in ("examples", "bindings") for page in (ROOT / folder).rglob("README.md"))
 
 
-@pytest.mark.parametrize("page", plain_english.pages(), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*plain_english.pages(), *READMES], ids=lambda page: f"{page.parent.name}/{page.name}")
 def test_sentences_are_short(page: Path) -> None:
     found = plain_english.measure(page)
     said = max(found.sentences, key=lambda sentence: len(sentence.split()), default="")
