@@ -195,10 +195,17 @@ def write(folder: Path, records: Sequence[Record], about: Mapping[str, object]) 
         shutil.rmtree(part, ignore_errors=True)
 
 
+def read_json(path: Path) -> Any:
+    """What a JSON file holds, within the bounds of the package's own reader. ValueError: it is none, or beyond them."""
+    from clspeckle._json_file import read_json
+
+    return read_json(path)
+
+
 def _frames_of(file: Path) -> set[str]:
     """The frames that a camera.json names, none if it is not one of ours."""
     try:
-        names = {frame["name"] for frame in json.loads(file.read_text(encoding="utf-8"))["frames"]}
+        names = {frame["name"] for frame in read_json(file)["frames"]}
         return {name for name in names if re.fullmatch(r"frame_\d{4,}", name)}
     except (OSError, ValueError, KeyError, TypeError):
         return set()

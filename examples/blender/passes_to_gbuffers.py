@@ -12,12 +12,11 @@ what the laser sees.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent / "clspeckle_camera")]
-from camera_view import SceneError
+from camera_view import SceneError, read_json
 from gbuffer_files import Camera, Rounding, dots_for, read_channels, write_sequence
 from passes import scene_of
 
@@ -26,7 +25,7 @@ COMPACT = Rounding(depth_bits=16, normal_steps=256, albedo_steps=256)
 
 def load_view(path: Path) -> dict:
     try:
-        about = json.loads(path.read_text(encoding="utf-8"))
+        about = read_json(path)
     except OSError as error:
         raise SceneError(f"{path} cannot be read ({error.strerror}); render_passes.py writes it last") from None
     except ValueError as error:

@@ -422,6 +422,9 @@ def render(camera: Camera, frame_count: int, output: Path, variant: str, preview
 
 def check(folder: Path) -> list[str]:
     """Return what is wrong with a sequence; an empty list means it is sound."""
+    # Not at the top: rendering does not need it.
+    from clspeckle._json_file import read_json
+
     wrong: list[str] = []
 
     def expect(condition: bool, message: str) -> None:
@@ -429,7 +432,7 @@ def check(folder: Path) -> list[str]:
             wrong.append(message)
 
     try:
-        about = json.loads((folder / "sequence.json").read_text(encoding="utf-8"))
+        about = read_json(folder / "sequence.json")
     except (OSError, ValueError) as error:
         return [f"{folder / 'sequence.json'}: {error}"]
     if (about.get("format"), about.get("version")) != (FORMAT_NAME, FORMAT_VERSION):

@@ -13,7 +13,6 @@ Examples (with the folder `validation` on PYTHONPATH):
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 from pathlib import Path
@@ -33,6 +32,8 @@ try:
         sensor_noise,
         wavelength_shift,
     )
+    from clspeckle._json_file import read_json
+
     from .experiment import Experiment, Record, carry_out
     from .page import write_page
 except ModuleNotFoundError as error:
@@ -93,7 +94,7 @@ def refuse(message: str) -> int:
 
 def read_settings(path: Path, names: list[str]) -> dict[str, dict[str, Any]]:
     """The settings of all experiments that are to run."""
-    settings = json.loads(path.read_text())
+    settings = read_json(path)
     if not isinstance(settings, dict):
         raise ValueError("an object with the settings of each experiment is needed")
     for name in names:

@@ -14,6 +14,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import numpy as np
+from clspeckle._json_file import read_json
 from matplotlib.figure import Figure
 
 Config = Mapping[str, Any]
@@ -109,7 +110,7 @@ def read_record(experiment: Experiment, folder: Path) -> Record | None:
     path = folder / "verdicts.json"
     if not path.is_file():
         return None
-    stored = json.loads(path.read_text())
+    stored = read_json(path)
     verdicts = [
         Verdict(**{key: value for key, value in entry.items() if key != "passed"}) for entry in stored["verdicts"]
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tarfile
 import tempfile
 from pathlib import Path
@@ -11,6 +10,7 @@ import clspeckle
 import matplotlib.image
 import numpy as np
 import OpenEXR
+from clspeckle._json_file import read_json
 from scipy import ndimage
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,7 @@ class Scene:
 
     def __init__(self, name: str) -> None:
         folder = ROOT / "examples" / name / "gbuffers"
-        about = json.loads((folder / "sequence.json").read_text())
+        about = read_json(folder / "sequence.json")
         view, laser = about["camera"], about["laser"]
         pattern = laser["pattern"]
         self.name = name
