@@ -33,7 +33,7 @@ SIZES = ((512, 512), (1024, 1024), (1280, 720), (1920, 1080), (2048, 2048), (409
 REPETITIONS = 3  # of each case in a round
 DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
 # Bytes that a frame of the device's own engine must move for each pixel: phase and ideal image are read, the intensity is
-# written (4 each); of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
+# written (4 each). Of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
 FRAME_BYTES = (12.0, 32.0)
 ENGINES = {
     "intensity/own": "own",

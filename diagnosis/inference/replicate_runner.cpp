@@ -106,9 +106,6 @@ ReplicateRunner::ReplicateRunner(std::shared_ptr<Context> context, const Capture
         shared_->list.insert(shared_->list.end(), list.begin(), list.end());
         shared_->offsets.push_back(shared_->list.size());
     }
-    if (shared_->list.empty())
-        throw Error(Status::kInvalidData,
-                    "the capture has no sequence that can be measured; record at least one with a frame");
     std::vector<std::uint32_t> frame_counts;
     for (std::size_t s = 0; s < sequences; ++s) {
         frame_counts.push_back(shared_->layout.sequences[s].frame_count);

@@ -45,8 +45,8 @@ struct HeldOutDifferences {
 
 // By statistic. replicates: of captures of the model itself. least: standard deviations below which none is trusted.
 //
-// The interval is Fieller's. If `after` is the part r of `before` in the mean, after - r * before is chance alone, so
-// that r is possible where the mean square of that over the halves is at most what the replicates' own is and the
+// The interval is Fieller's. If `after` is the part r of `before` in the mean, after - r * before is chance alone. So
+// r is possible where the mean square of that over the halves is at most what the replicates' own is and the
 // errors of their means are, times the square of Student's quantile. Halves that scatter alike give 95 % then,
 // independent ones 98 %. All that it takes of the replicates is three second moments: it does not ask for more of them
 // than there are, as quantiles of a part would.

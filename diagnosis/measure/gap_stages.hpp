@@ -9,13 +9,16 @@
 namespace clsp {
 
 // A statistic's own stage is that of the effects that it shows first; what causes a gap is unknown, and may be of
-// another stage. Some stages are ruled out by the sequences that differ: no light reaches the dark, so the sensor alone
-// shows there; a flat has no speckle and no dots, so laser, pattern, surface and motion leave it alone; where boards of
-// the same surface and speckle agree, dots differ by their pattern or by the lens, and where boards differ, no pattern
-// did it; what only static or only moving sequences show is motion, if the others would have shown it; resting laser
-// light that changes as a whole, or row by row behind a rolling shutter, where the flat's does not, is the laser's. Where
-// the sequences rule nothing out, a cause that a known effect imitates lies where that effect does. alike: that effect's
-// stage; empty: there is none. Changes the stages of the places accordingly.
+// another stage. Some stages are ruled out by the sequences that differ:
+// - No light reaches the dark, so the sensor alone shows there.
+// - A flat has no speckle and no dots, so laser, pattern, surface and motion leave it alone.
+// - Where boards of the same surface and speckle agree, dots differ by their pattern or by the lens. Where boards
+//   differ, no pattern did it.
+// - What only static or only moving sequences show is motion, if the others would have shown it.
+// - Resting laser light that changes as a whole, or row by row behind a rolling shutter, where the flat's does not, is
+//   the laser's.
+// Where the sequences rule nothing out, a cause that a known effect imitates lies where that effect does. alike: that
+// effect's stage; empty: there is none. Changes the stages of the places accordingly.
 void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, const std::string &alike);
 
 } // namespace clsp

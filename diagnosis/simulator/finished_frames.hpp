@@ -19,8 +19,8 @@ std::string finished_frames_refusal(const std::string &effect, const CaptureLayo
 // The frames of a static scene are parted into the mean over time, which is light and goes through lens and sensor, and
 // the rest, which is noise and comes to it behind the sensor. Frames of a moving scene are light as they are; of the
 // read noise in them what spreading or dimming takes away is added again. Every altered frame is rounded to codes anew,
-// with triangular noise of two codes' width before (see HostNoise), also with no effect at all, so that differences of
-// altered frames are free of it; of static scenes as much of the frames' own noise is taken away.
+// with triangular noise of two codes' width before (see HostNoise). So it is with no effect at all, so that differences
+// of altered frames are free of it. Of static scenes as much of the frames' own noise is taken away.
 class FinishedFrames {
   public:
     // capture: lives longer than this object; its layout's black level and read noise are those of its frames.

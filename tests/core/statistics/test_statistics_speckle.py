@@ -194,9 +194,9 @@ def dot_image(size=SIZE):
 @pytest.mark.parametrize("picture", ["flat", "dots"])
 def test_total_intensity_is_quadratic_in_the_diameter(context, picture):
     """Thesis figure 34. 8 frames at each of D = 0.1, 0.2 ... 1: the exponent of a power law fitted to the totals is 2
-    to 0.015 (its standard error is about 0.002: a total of 8 frames is known to 0.5 % at D = 0.1 and 0.05 to 0.2 % at
-    D = 1), and each total is within 4.8 standard errors, estimated from the frames (Student's t with 7 degrees of
-    freedom at level 2e-3), of pi D^2 / 4, which the lattice of frequencies follows to 0.5 %."""
+    to 0.015. Its standard error is about 0.002: a total of 8 frames is known to 0.5 % at D = 0.1 and 0.05 to 0.2 % at
+    D = 1. Each total is within 4.8 standard errors of pi D^2 / 4, which the lattice of frequencies follows to 0.5 %.
+    The errors are estimated from the frames (Student's t with 7 degrees of freedom at level 2e-3)."""
     irradiance = np.ones((SIZE, SIZE), np.float32) if picture == "flat" else dot_image()
     diameters = np.arange(1, 11) / 10
     totals = []

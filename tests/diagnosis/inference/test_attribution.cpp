@@ -884,8 +884,8 @@ TEST(Diagnosis, SpeckleThatLivesTellsNoReadNoise) {
 }
 
 // Without speckle at rest. A black level of 63.2 DN is 8 DN, 1.9 deviations of the noise of 4.3 DN, from the next
-// codes: of 36,864 dark codes 2,300 are those, 2 %, and their number goes as the noise's 4.5th power, which makes an
-// error of 0.02 DN; the level is found on one draw of the same size, which puts all of them 0.04 DN too high. The data sheet says 4.0.
+// codes. Of 36,864 dark codes 2,300 are those, 2 %, and their number goes as the noise's 4.5th power, which makes an
+// error of 0.02 DN. The level is found on one draw of the same size, which puts all of them 0.04 DN too high. The data sheet says 4.0.
 TEST(Diagnosis, ReadNoiseShowsBetweenCoarseSteps) {
     const std::vector<bool> all(small_layout().sequences.size(), true);
     for (std::uint64_t seed = 0; seed < 3; ++seed) {

@@ -238,7 +238,7 @@ def test_centre_texel_and_orientation(context):
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_light_on_a_wall_falls_as_the_square_of_its_distance(context, quantity):
     """A wide flat pattern: the irradiance at each pixel of a wall at 2 d is a quarter of that at the same direction
-    at d, so the mean over equal solid angles goes as d^-2 (exponent -2 within 1e-5); over a wall of fixed size the
+    at d. So the mean over equal solid angles goes as d^-2 (exponent -2 within 1e-5). Over a wall of fixed size the
     direct sum of the cosine law gives the same to the last digit that single precision has."""
     stage = flat_pattern(context, quantity=quantity)
     distances = np.array([0.5, 1.0, 2.0, 4.0])
