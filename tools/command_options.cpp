@@ -305,7 +305,7 @@ void add_dataset(CLI::App &app, DatasetArguments &a, bool &quiet) {
     app.add_option("--python", a.python, "Python that has the package (default python3)")
         ->type_name("PROGRAM")
         ->take_last();
-    app.add_flag("--quiet", quiet, "Print errors only");
+    app.add_flag("--quiet", quiet, "Print warnings and errors only");
 }
 
 void add_tune(CLI::App &app, TuneArguments &a, bool &quiet) {

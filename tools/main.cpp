@@ -117,6 +117,7 @@ int render(Arguments &arguments, tools::Console &console) {
         else
             config.set_effect(tools::parse_effect(effect), tools::Layer::command_line);
     }
+    config.check_conflicts();
     for (const std::string &text : config.doubled())
         console.warn(text);
     const bool has_input =

@@ -489,6 +489,8 @@ void Config::set(const Option &o, const Json &value, Layer layer, const std::str
     if (o.kind == Kind::file && kept != "")
         kept = std::filesystem::absolute(kept.get<std::string>()).lexically_normal().string();
     Entry &entry = entries_.at(o.id());
+    if (layer == Layer::command_line)
+        conflicts_.erase(o.id());
     if (kept != entry.value)
         contradict(o, entry, kept, layer, where);
     if (layer >= entry.layer)
@@ -510,10 +512,19 @@ void Config::contradict(const Option &o, const Entry &entry, const Json &value, 
         replaced_.push_back(fmt::format("{} {} replaces {}", where, whole(value), whole(entry.value)));
     } else if (entry.layer == Layer::profile || kept) {
         const Json &profiles = kept ? value : entry.value, &others = kept ? entry.value : value;
-        throw InputError(fmt::format("{} is {} {}, but {} in {}; give one of them, as --{} on the command line", o.id(),
-                                     whole(others), kept ? "in the configuration or scene" : "of " + where,
-                                     whole(profiles), profile_, o.name));
+        const std::string text =
+            fmt::format("{} is {} {}, but {} in {}; give one of them, as --{} on the command line", o.id(),
+                        whole(others), kept ? "in the configuration or scene" : "of " + where, whole(profiles),
+                        profile_, o.name);
+        if (!kept)
+            throw InputError(text);
+        conflicts_[o.id()] = text;
     }
+}
+
+void Config::check_conflicts() const {
+    if (!conflicts_.empty())
+        throw InputError(conflicts_.begin()->second);
 }
 
 void Config::set_text(const Option &o, const std::string &text, Layer layer, const std::string &where) {
@@ -560,14 +571,26 @@ void Config::load(const std::string &path) {
     }
 }
 
+namespace {
+
+// Effects and options have one list of conflicts.
+std::string conflict_of(const std::string &effect) {
+    return "effects." + effect;
+}
+
+} // namespace
+
 void Config::set_effect(const EffectSetting &setting, Layer layer) {
     const auto found = effects_.find(setting.id);
+    if (layer == Layer::command_line)
+        conflicts_.erase(conflict_of(setting.id));
     if (found != effects_.end() && found->second.setting.values != setting.values) {
         const std::string before = effect_text(found->second.setting);
         if (layer == Layer::profile)
-            throw InputError(fmt::format("the configuration has the effect {}, but {} has {}; give one of them, with "
-                                         "--effect on the command line",
-                                         before, profile_, effect_text(setting)));
+            conflicts_[conflict_of(setting.id)] =
+                fmt::format("the configuration has the effect {}, but {} has {}; give one of them, with --effect on "
+                            "the command line",
+                            before, profile_, effect_text(setting));
         if (found->second.layer == Layer::profile)
             replaced_.push_back(fmt::format("--effect {} replaces {}", effect_text(setting), before));
     }
@@ -578,6 +601,8 @@ void Config::clear_effects() {
     for (const auto &[id, effect] : effects_)
         if (effect.layer == Layer::profile)
             replaced_.push_back(fmt::format("--effect none takes {} away", effect_text(effect.setting)));
+    for (const auto &[id, effect] : effects_)
+        conflicts_.erase(conflict_of(id));
     effects_.clear();
 }
 

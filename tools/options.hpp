@@ -86,6 +86,9 @@ class Config {
     std::vector<std::string> doubled() const;
     /** Refuses an image of another size than the profile's. */
     void check_image(std::uint32_t width, std::uint32_t height, const std::string &name) const;
+    /** Once the command line is read: throws where the configuration and the profile give a setting two values and the
+     * command line gives none. */
+    void check_conflicts() const;
     /** What the command line has in the place of the profile's values, in words. */
     const std::vector<std::string> &replaced() const { return replaced_; }
     /** The profile's file; empty without one. */
@@ -134,6 +137,7 @@ class Config {
     std::uint32_t profile_width_ = 0;
     std::uint32_t profile_height_ = 0;
     std::vector<std::string> replaced_;
+    std::map<std::string, std::string> conflicts_; ///< Of the configuration with the profile, in words, by setting.
     std::map<std::string, std::string> held_; ///< Effects that a map of the profile holds, with its option.
 };
 

@@ -1,8 +1,9 @@
 """Every message that says what to type has a test that types it.
 
 advice.txt lists fragments of messages, each with the test that provokes the message and follows it; a dash stands where
-the words name something and advise nothing. What looks like such a message is found in all sources: options and names of
-files in those that read, check and write files, and what begins with a word such as "use" or "give" everywhere."""
+the words name something and advise nothing. What looks like such a message is found in all sources of the product: options
+and names of files in those that read, check and write files, and what begins with a word such as "use" or "give"
+everywhere."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ FILES = [
 ]
 SOURCES = FILES + [
     path
-    for folder in ("core", "bindings/cpp/include", "bindings/python/src")
+    for folder in ("bindings/cpp/include", "bindings/python/src", "capi", "core", "diagnosis", "io", "tools")
     for suffix in ("cpp", "hpp", "py")
     for path in sorted((ROOT / folder).rglob(f"*.{suffix}"))
     if path not in FILES and path.name != "_generated.py"

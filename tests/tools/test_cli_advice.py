@@ -67,7 +67,28 @@ def split_apng(folder: Path) -> None:
 
 
 # Name: what makes the file, how it is rendered, the advice, what follows it, and how the file is rendered then.
+def apart(folder: Path) -> None:
+    window = (np.array([1000, 1000], np.int32), np.array([1039, 1027], np.int32))
+    images.exr(folder / "a.exr", {"Y": images.real()}, displayWindow=window)
+
+
+def one_window(folder: Path) -> None:
+    """The line that the message has."""
+    path, new_path = str(folder / "a.exr"), str(folder / "b.exr")
+    file = OpenEXR.File(path, separate_channels=True)
+    file.header()["displayWindow"] = file.header()["dataWindow"]
+    file.write(new_path)
+
+
 FILES: dict[str, tuple[Write, str, str, Write, str]] = {
+    "apart": (
+        apart,
+        "a.exr",
+        "If they are the image, save it with one window: file = OpenEXR.File(path, separate_channels=True); "
+        'file.header()["displayWindow"] = file.header()["dataWindow"]; file.write(new_path)',
+        one_window,
+        "b.exr",
+    ),
     "gif": (
         lambda f: Image.fromarray(images.gray8()).save(f / "a.gif"),
         "a.gif",
@@ -663,3 +684,26 @@ def test_files_of_a_configuration(ok, refused, scene: Path) -> None:
     (scene / "deep" / "dots.exr").rename(scene / "deep" / "frame_000000.npy")  # the content decides
     message = refused("render", *surface, "--pattern", "deep/frame_000000.npy:IR", "-o", "deep", "--no-preview")
     assert "would overwrite the input" in message
+
+
+def test_usage(ok, refused, tmp_path: Path) -> None:
+    """What is said of a command line, and of one that does as it is told."""
+    np.save(tmp_path / "ideal.npy", images.real())
+    render = ["render", "ideal.npy", "--exposure-gain", 500]
+    out = ["-o", "out", "--no-preview"]
+    assert "name the folder for the frames with -o FOLDER" in refused(*render)
+    ok(*DARK)
+    assert "--json: is empty; name a file" in refused("capture", "check", "drawn", "--json", "")
+    ok("capture", "check", "drawn", "--json", "set.json")
+    both = ["--relative-diameter", 1, "--f-number", 8]
+    assert "give either --relative-diameter, or --f-number, --pixel-pitch-m and" in refused(*render, *out, *both)
+    ok(*render, *out, *both[:2])
+    ok(*render, *out, *both[2:])
+    for wrong, path in ((["rendr"], []), ([*render, "--nois"], ["render"]), ([*render, "-o"], ["render"])):
+        assert f"(see {' '.join(['clspeckle', *path])} --help)" in refused(*wrong)
+        assert "Usage:" in ok(*path, "--help").out
+    said = refused(*render, *out, "--effect", "gama")
+    assert 'there is no effect "gama"; the nearest one is "gamma" (see clspeckle effects)' in said
+    listed = re.search(r"^ *(gamma)\b", ok("effects").out, re.MULTILINE)
+    assert listed
+    ok(*render, *out, "--effect", listed[1])

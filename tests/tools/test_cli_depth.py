@@ -10,6 +10,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from reference import depth as reference
 
@@ -145,6 +146,28 @@ def test_wrong_geometry_and_empty_frames_are_told(ok, tmp_path: Path, scene) -> 
     iio.imwrite(tmp_path / "dark.png", np.full(RIG.shape, 64, np.uint16))
     run = ok("depth", "dark.png", *scene)
     assert "the frame has no dots" in run.err
+
+
+def test_warnings_lead_to_frames_without_one(ok, tmp_path: Path, scene, frame: reference.Frame) -> None:
+    """Each is provoked by a gross fault of the frame or the geometry, and gone without that."""
+    blurred = ndimage.gaussian_filter(8 * frame.image, 3.0)
+    twisted = geometry()
+    pose = np.array(twisted["laser"]["laser_from_geometry"]).reshape(3, 4)
+    turned = np.concatenate([reference.rotation((0, 0, 1), 0.004) @ pose[:, :3], pose[:, 3:]], axis=1)
+    twisted["laser"]["laser_from_geometry"] = turned.ravel().tolist()
+    (tmp_path / "twisted.json").write_text(json.dumps(twisted))
+    top = ("--saturation-dn", 4095)
+    good = ok("depth", "frame_0.png", *scene, *top).err
+    for says, image, more in (
+        ("the frame has no dots; check the exposure", 0 * frame.image, ()),
+        ("more than a tenth of the dots are saturated; shorten the exposure", np.minimum(10 * frame.image, 4031), top),
+        ("more than a fifth of the dots are merged; check dot_sigma_px and the focus", blurred, ()),
+        ("depths err likewise; check laser_from_camera", frame.image, ("--geometry", "twisted.json")),
+    ):
+        iio.imwrite(tmp_path / "other.png", (image + 64).round().clip(0, 65535).astype(np.uint16))
+        told = ok("depth", "other.png", *scene, *more).err
+        assert says in told, (says, told)
+        assert says not in good
 
 
 def test_bad_input(refused, tmp_path: Path, scene) -> None:

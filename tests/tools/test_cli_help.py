@@ -6,6 +6,8 @@ import re
 import subprocess
 from pathlib import Path
 
+import numpy as np
+
 
 def commands(ok, *words: str):
     """The program itself and all its commands with their help, as the program lists them."""
@@ -30,6 +32,20 @@ def test_help_of_every_command(ok) -> None:
         for i in options:
             described = re.search(r" {2,}\S+ \S", lines[i][2:]) or re.match(r" {6,26}\S", lines[i + 1])
             assert described, (words, lines[i])
+
+
+def test_quiet_keeps_warnings(ok, tmp_path: Path) -> None:
+    """So says the help of each command that has it, and so it is: summaries go, warnings stay."""
+    found = [text for _, text in commands(ok) if "--quiet" in text]
+    assert len(found) >= 10
+    for text in found:
+        said = re.search(r"--quiet\s+((?:[^\n]|\n {8,}(?=\S))+)", text)
+        assert said and re.match(r"Print warnings(?: and errors|, errors and results) only", " ".join(said[1].split()))
+    np.save(tmp_path / "dark.npy", np.zeros((24, 32), np.float32))
+    render = ["render", "dark.npy", "-o", "out", "--no-preview", "--exposure-gain", 100]
+    loud, quiet = ok(*render), ok(*render, "--quiet")
+    assert "is 0 everywhere" in loud.err and loud.out
+    assert (quiet.out, quiet.err) == ("", loud.err)
 
 
 def test_help_explains_the_exit_codes(ok) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shutil
 from pathlib import Path
@@ -149,6 +150,7 @@ def test_other_cameras_are_refused(refused, here: Path) -> None:
     assert "the configuration has the effect row_noise:sigma_dn=1, but camera.json has row_noise:sigma_dn=" in message
     (here / "config.json").write_text('{"sensor": {"profile": "OS04A10"}}')
     assert "sensor.profile is OS04A10, but camera.json" in refused("render", "ideal.npy", *common, "--config", "config.json")
+    assert "give one of them" in refused("render", "ideal.npy", *common, "--config", "config.json")
     message = refused("render", "ideal.npy", *common, "--profile-sequence", "bord_moving")
     assert 'camera.json has no such sequence; the nearest one is "board_moving"' in message
     message = refused("render", "ideal.npy", "-o", "out", "--profile-sequence", "flat")
@@ -166,6 +168,25 @@ def damaged(profile: dict, path: str, value: object) -> str:
     else:
         at[key] = value
     return json.dumps(profile)
+
+
+def test_what_is_said_twice_is_said_once(ok, refused, here: Path) -> None:
+    """Of a value or an effect that the configuration and the profile give, the command line gives one; or one of them goes."""
+    profiled = ["render", "--profile", "camera.json", "--dump-config"]
+    for config, advice, options in (
+        ({"aperture": {"f_number": 8.0}}, "give one of them, as --f-number on the command line", ["--f-number", 8]),
+        ({"effects": {"row_noise": {"sigma_dn": 1}}}, "give one of them, with --effect on the command line", ["--effect", "row_noise:sigma_dn=1"]),
+    ):
+        (here / "config.json").write_text(json.dumps(config))
+        assert advice in refused(*profiled, "--config", "config.json")
+        ok(*profiled, "--config", "config.json", *options)
+        ok(*profiled, *options)
+        ok("render", "--config", "config.json", "--dump-config")
+    assert "leave the option out, or diagnose a capture of the other camera" in refused(*profiled, "--bits", 12)
+    ok(*profiled)
+    (here / "config.json").write_text('{"sensor": {"profile": "OS04A10"}}')
+    assert "describes a sensor, too; give one of them" in refused(*profiled, "--config", "config.json")
+    ok("render", "--config", "config.json", "--dump-config")
 
 
 @pytest.mark.parametrize(
@@ -191,14 +212,17 @@ def damaged(profile: dict, path: str, value: object) -> str:
         ("/effects", [{}] * 5000, ["/effects is", "at most 4096"]),
     ],
 )
-def test_damaged_profiles_are_refused(refused, here: Path, path: str, value: object, words: list[str]) -> None:
+def test_damaged_profiles_are_refused(ok, refused, here: Path, path: str, value: object, words: list[str]) -> None:
     profile = json.loads((here / "camera.json").read_text())
     profile["effects"].sort(key=lambda effect: effect["effect"] != "shot_noise")
-    (here / "bad.json").write_text(damaged(profile, path, value))
+    (here / "bad.json").write_text(damaged(copy.deepcopy(profile), path, value))
     np.save(here / "ideal.npy", np.ones((80, 96), np.float32))
     message = refused("render", "ideal.npy", "-o", "out", "--profile", "bad.json")
     for word in ("bad.json: ", *words):
         assert word in message, message
+    # With its name corrected, left out, or as it was written.
+    (here / "bad.json").write_text(json.dumps(profile))
+    ok("render", "--profile", "bad.json", "--dump-config")
 
 
 @pytest.mark.parametrize(

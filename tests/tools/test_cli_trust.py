@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -58,7 +59,14 @@ def test_hypotheses_stay_in_their_folder(refused: Callable[..., str], tmp_path: 
     about = {"id": "own", "stage": "optics", "parameters": {"a": {"weak": 1, "strong": 2}}, "opencl": name}
     (tmp_path / "set").mkdir()
     (tmp_path / "own.json").write_text(json.dumps(about))
-    assert "outside the folder of the file" in refused("diagnose", "set", "--hypothesis", "own.json")
+    assert "outside the folder of the file: copy it there, or link to it" in refused("diagnose", "set", "--hypothesis", "own.json")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "own.cl").write_text("float hypothesis(void);")
+    (tmp_path / "own.json").write_text(json.dumps({**about, "opencl": "own.cl"}))
+    for put in (shutil.copy, os.symlink):
+        put(tmp_path / "elsewhere" / "own.cl", tmp_path / "own.cl")
+        assert "the folder holds no capture.json" in refused("diagnose", "set", "--hypothesis", "own.json")
+        (tmp_path / "own.cl").unlink()
 
 
 def test_patterns_come_from_folders_of_ones_own(ok: Callable[..., Run], tmp_path: Path) -> None:

@@ -1273,7 +1273,124 @@ def waited(count: int) -> None:
     _library.call("clspEventWait", count, (ctypes.c_void_p * 1)(event.int_ptr))
 
 
+def dots_into(array: Any) -> None:
+    made, count = clspeckle.Depth((64, 64), dot_sigma_px=1.2), ctypes.c_uint64()
+    made.measure(spots(4))
+    _library.call("clspDepthGetPatternDots", made._get(), 4, array, ctypes.byref(count))
+
+
+def judged(**members: Any) -> None:
+    """A diagnosis of a few frames."""
+    desc, made = _library.initialized(_library.ClspDiagnoseDesc), ctypes.c_void_p()
+    for member, value in {"null_replicates": 12, "max_effects": 1, **members}.items():
+        setattr(desc, member, value)
+    context, capture = clspeckle.default_context()._get(), capture_named("dark")
+    _library.call("clspDiagnose", context, capture._get(), ctypes.byref(desc), ctypes.byref(made))
+    _library.release("clspDiagnosisRelease", made.value or 0)
+
+
+def with_a_profile() -> None:
+    profile = clspeckle.diagnose(capture_named("dark"), null_replicates=12, max_effects=1).profile()
+    judged(profile=profile._get())
+
+
+def hypothesis_by(with_function: bool, source: bytes | None) -> Any:
+    """By a function of the host, by OpenCL source, both or neither."""
+    parameter, hypothesis = _library.ClspEffectParameter(), _library.initialized(_library.ClspHypothesis)
+    parameter.name, parameter.unit = b"shift", b"DN"
+    parameter.minimum, parameter.maximum, parameter.weak, parameter.strong = -5.0, 5.0, 0.5, 2.0
+    hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.point = b"own", b"sensor", b"a shift", 2
+    hypothesis.parameters, hypothesis.parameter_count = ctypes.pointer(parameter), 1
+    function = dict(_library.ClspHypothesis._fields_)["apply"]
+    hypothesis.apply = function(lambda *_: 0) if with_function else function()
+    hypothesis.opencl_source = source
+    return hypothesis
+
+
+def supposed(with_function: bool, source: bytes | None) -> None:
+    hypothesis = hypothesis_by(with_function, source)
+    listed = (ctypes.POINTER(_library.ClspHypothesis) * 1)(ctypes.pointer(hypothesis))
+    judged(hypotheses=listed, hypothesis_count=1)
+
+
+def own_effect(with_function: bool, source: bytes | None) -> None:
+    hypothesis, made = hypothesis_by(with_function, source), camera()
+    _library.call("clspPipelineSetHypothesis", made._get(), ctypes.byref(hypothesis), (ctypes.c_double * 1)(2.0), 1)
+    made.render(ONES)
+
+
+SOURCE = b"""
+float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint y) {
+    return hypothesis_pixel(frame, x, y) + values.shift;
+}
+"""
+
+
+def newer(byte: int) -> None:
+    """A struct with eight bytes behind those that this library knows."""
+    size, made = ctypes.sizeof(_library.ClspSensorDesc), ctypes.c_void_p()
+    room = (ctypes.c_char * (size + 8))()
+    desc = _library.ClspSensorDesc.from_buffer(room)
+    _library.call("clspSensorDescInit", ctypes.byref(desc), size)
+    desc.width, desc.height, desc.struct_size = SHAPE[1], SHAPE[0], size + 8
+    room[size] = byte
+    _library.call("clspSensorCreate", clspeckle.default_context()._get(), ctypes.byref(desc), ctypes.byref(made))
+    _library.release("clspSensorRelease", made.value or 0)
+
+
+def lit(width: int) -> None:
+    aperture = _library.initialized(_library.ClspApertureDesc)
+    aperture.width = width
+    codes = np.zeros(SHAPE, np.uint16)
+    _library.call(
+        "clspSimulate", clspeckle.default_context()._get(), SHAPE[1], SHAPE[0], ONES.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
+        ctypes.byref(aperture), None, 1, 0, codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16)),
+    )  # fmt: skip
+
+
 OF_C: list[Case] = [
+    (
+        "dots is NULL but capacity is 4; give room for so many dots, or 0",
+        lambda: dots_into(None),
+        lambda: dots_into((_library.ClspDepthPatternDot * 4)()),
+    ),
+    (
+        "but desc->window is 0; set it to CLSP_WINDOW_GIVEN, or leave them at 0",
+        lambda: judged(window_width=16),
+        lambda: [judged(window=2, window_width=16, window_height=16), judged(window_width=0)],
+    ),
+    (
+        "desc->tolerance_file is empty; name a file, or leave it NULL",
+        lambda: judged(tolerance_file=b""),
+        lambda: judged(tolerance_file=None),
+    ),
+    (
+        "a diagnosis makes a profile, it takes none: leave it at NULL",
+        with_a_profile,
+        lambda: judged(profile=None),
+    ),
+    (
+        "are both given; give one of them",
+        lambda: supposed(True, SOURCE),
+        lambda: [supposed(True, None), supposed(False, SOURCE)],
+    ),
+    (
+        "is NULL; give the function that changes the pixels, or opencl_source",
+        lambda: supposed(False, None),
+        lambda: [supposed(True, None), supposed(False, SOURCE)],
+    ),
+    (
+        "desc->principal_point is (3, 0), but desc->principal_point_given is 0; set it to 1, or leave the point at 0",
+        lambda: raw("clspDotsCreate", _library.ClspDotsDesc, principal_point_x_px=3),
+        lambda: clspeckle.Dots(SHAPE, [[8.0, 8.0]], principal_point_px=(3, 0)),
+    ),
+    (
+        "for which a pipeline's frames do not wait; give opencl_source",
+        lambda: own_effect(True, None),
+        lambda: own_effect(False, SOURCE),
+    ),
+    ("that this library does not know; update the library", lambda: newer(1), lambda: newer(0)),
+    ("aperture->width is 31, but the image's width is", lambda: lit(31), lambda: [lit(0), lit(SHAPE[1])]),
     ("count is 0; give at least one frame", lambda: frames_of(0), lambda: frames_of(2)),
     (
         "it must be a multiple of 8; call clspFrameInit() on each element",
@@ -1300,6 +1417,17 @@ OF_C: list[Case] = [
 @pytest.mark.parametrize(("says", "bad", "good"), named(OF_C))
 def test_the_c_interface(says: str, bad: Callable[[], Any], good: Callable[[], Any]) -> None:
     follow(says, bad, good)
+
+
+def test_a_report_goes_into_a_file(tmp_path: Path) -> None:
+    made = clspeckle.diagnose(capture_named("dark"), null_replicates=12, max_effects=1)
+
+    def written(path: bytes) -> None:
+        _library.call("clspDiagnosisWriteReport", made._get(), path)
+
+    named = bytes(tmp_path / "report.json")
+    follow("path is empty; name a file", lambda: written(b""), lambda: written(named))
+    follow("is no regular file; name another one", lambda: written(b"/dev/null"), lambda: written(named))
 
 
 def test_one_device_of_several(monkeypatch: pytest.MonkeyPatch) -> None:

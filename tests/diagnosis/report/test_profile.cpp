@@ -285,6 +285,8 @@ TEST_F(Profile, OtherCamerasAreRefused) {
         EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, what,
                           clspPipelineSetProfile(pipeline, clspeckle::Profile::open(path)));
         EXPECT_EQ(render(pipeline), plain);
+        const auto own = clspeckle::Profile::open(path); // "make the pipeline's stages of the profile"
+        EXPECT_CLSP_OK(clspPipelineSetProfile(make_pipeline(own), own));
     }
 }
 

@@ -31,7 +31,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--devices", help="of the workers in turn, separated by commas: 0:0,0:1 (default: the best)")
     parser.add_argument("--cluster", help="address of a scheduler of dask.distributed, whose workers do it")
     parser.add_argument("--no-ideal", action="store_true", help="leave the ideal images out of the shards")
-    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    parser.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     return parser.parse_args(argv)
 
 
