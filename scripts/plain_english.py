@@ -1,15 +1,21 @@
 """Prints, for each page, how many sentences it has, their mean length in words, the longest one, and its widest line.
 
     scripts/plain_english.py [FILE ...] [--longest N]     # without files: all pages of the project
+    scripts/plain_english.py --comments [FILE ...]        # the same of comments and docstrings of the sources
 
 Words of code blocks, tables, headings and links' addresses do not count. An item of a list is a sentence of its own.
 A row of a table cannot be broken, so its columns do not count; nor do those of a line that one long word fills.
+In comments names, numbers and formulas are no words. A line with a gap of two spaces is a row of a table.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import io
 import re
+import subprocess
+import tokenize
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,15 +87,93 @@ def measure(path: Path) -> Measure:
     return Measure(path, sentences, widest(text))
 
 
+# A text in quotes, which may hold what looks like a comment, or a comment.
+CPP = re.compile(r'"(?:[^"\\\n]|\\.)*"|\'(?:[^\'\\\n]|\\.)\'|//[^\n]*|/\*.*?\*/', re.DOTALL)
+DOXYGEN = re.compile(r"[@\\](?!p\b|c\b|ref\b)[a-z]+\b")
+WORD = re.compile(r"[(\"']*[A-Za-z][A-Za-z'-]+[,;:)\"']*$")
+SOURCES = (".c", ".cl", ".cpp", ".h", ".hpp", ".py")
+
+
+def cpp_comments(text: str) -> list[str]:
+    found: list[str] = []
+    end = -1  # of a comment whose next line may go on
+    for match in CPP.finditer(text):
+        if match[0].startswith("//"):
+            line = match[0].lstrip("/").removeprefix("<")
+            if end >= 0 and re.fullmatch(r"\n[ \t]*", text[end : match.start()]):
+                found[-1] += "\n" + line
+            else:
+                found.append(line)
+            end = match.end()
+        elif match[0].startswith("/*"):
+            found.append("\n".join(re.sub(r"^\s*\*", "", line) for line in match[0].strip("/").strip("*<").splitlines()))
+    return found
+
+
+def python_comments(text: str) -> list[str]:
+    found: list[str] = []
+    last = -1
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            line = token.string.lstrip("#")
+            if token.start[0] == last + 1 and token.line.lstrip().startswith("#"):
+                found[-1] += "\n" + line
+            else:
+                found.append(line)
+            last = token.start[0]
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    texts = [ast.get_docstring(node) for node in ast.walk(ast.parse(text)) if isinstance(node, documented)]
+    return found + [documentation for documentation in texts if documentation]
+
+
+def comments(path: Path) -> list[str]:
+    """Sentences of the comments and docstrings of a source."""
+    text = path.read_text()
+    found: list[str] = []
+    for comment in python_comments(text) if path.suffix == ".py" else cpp_comments(text):
+        lines = [line.removeprefix(" ") for line in DOXYGEN.sub("\n\n", comment).splitlines()]
+        lines = [f"\n{line}\n" if re.search(r"\S {2,}\S", line) else line for line in lines]
+        for paragraph in paragraphs("\n".join(lines)):
+            found += [part.strip() for part in END.split(plain(paragraph)) if words(part) > 1]
+    return found
+
+
+def words(sentence: str) -> int:
+    return sum(1 for part in sentence.split() if WORD.match(part))
+
+
+def sources() -> list[Path]:
+    """All that is written by hand here."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\n")
+    return [ROOT / name for name in listed if name.endswith(SOURCES) and not name.endswith("_generated.py")]
+
+
 def pages() -> list[Path]:
     return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def print_comments(paths: list[Path], longest: int) -> None:
+    print(" mean  longest  sentences  source")
+    for path in paths:
+        found = comments(path.resolve())
+        lengths = [words(sentence) for sentence in found] or [0]
+        mean = sum(lengths) / len(lengths)
+        print(f"{mean:5.1f}  {max(lengths):7}  {len(found):9}  {path.resolve().relative_to(ROOT)}")
+        if longest:
+            for sentence, length in zip(found, lengths):
+                if length > longest:
+                    print(f"         {length:3}: {sentence}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
+    parser.add_argument("--comments", action="store_true", help="of comments and docstrings")
     parser.add_argument("--longest", type=int, default=0, metavar="N", help="also print sentences of more than N words")
     arguments = parser.parse_args()
+    if arguments.comments:
+        print_comments(arguments.files or sources(), arguments.longest)
+        return
     print(" mean  longest  sentences  columns  page")
     for path in arguments.files or pages():
         found = measure(path.resolve())

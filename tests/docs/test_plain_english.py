@@ -4,6 +4,7 @@ Short lines: at most 120 columns, on every page. The changelog has one line a ch
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -45,3 +46,42 @@ def test_columns_that_count(tmp_path: Path) -> None:
     address = "https://example.org/" + "x" * 120
     page.write_text(f"Short.\n\n    a command of {'code ' * 20}\n\n| {'a row ' * 40}|\n- {address}\n")
     assert plain_english.measure(page).widest.startswith("    a command of code")
+
+
+# Licenses of others, in their words.
+QUOTED = {"diagnosis/report/report_script.cpp"}
+# Public headers and kernels define by formulas, whose parts one sentence names.
+LONGEST_COMMENTS = {"capi": 65, "kernels": 55}
+# How the code came to be is told by its history.
+PAST = re.compile(r"\b(?:formerly|previously|until now|refactor\w*|legacy|TODO|FIXME|XXX|HACK)\b")
+
+
+def test_comments_are_short_and_of_what_is() -> None:
+    """By the same rule as pages, but that formulas are no words: comments and docstrings of all sources."""
+    long, past, count, total = [], [], 0, 0
+    for path in plain_english.sources():
+        if (name := path.relative_to(ROOT).as_posix()) in QUOTED:
+            continue
+        for sentence in plain_english.comments(path):
+            length = plain_english.words(sentence)
+            count, total = count + 1, total + length
+            if length > LONGEST_COMMENTS.get(name.partition("/")[0], LONGEST):
+                long.append((name, length, sentence))
+            if PAST.search(sentence) and path != Path(__file__):
+                past.append((name, sentence))
+    assert count > 10_000
+    assert total / count <= MEAN
+    assert long == []
+    assert past == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.cpp", 'int a = 1; // One two\nconst char *b = "// no comment"; // three\n\n/** Four @param five. */\n// six\n// seven\n'),
+        ("a.py", '"""Four."""\na = 1  # One two\nb = "# no"  # three\n\n# six\n# seven\n'),
+    ],
+)  # fmt: skip
+def test_what_counts_of_comments(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    assert sorted(plain_english.comments(tmp_path / name)) == ["One two", "six seven"]
