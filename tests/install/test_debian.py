@@ -116,15 +116,18 @@ clspeckle --version
 python3 -c 'import numpy, clspeckle; print(clspeckle.simulate(numpy.ones((48, 64)), seed=7).shape)'
 clspeckle render gbuffers/sequence.json -o frames --frames 1 --exposure-gain auto --quiet
 ls frames
+apt-get -q install -y --no-install-recommends python3-torch >/dev/null
+python3 torch_pairs.py
 """
 
 
 @pytest.mark.nightly
 def test_packages_on_a_bare_system(debs: dict[str, Path], tmp_path: Path) -> None:
-    """apt brings what they ask for into an empty Debian; then C, Python and the shell each make a frame."""
+    """apt brings what they ask for into an empty Debian; then C, Python and the shell each make a frame, and PyTorch
+    reads pairs."""
     stage = tmp_path / "debs"
     shutil.copytree(ROOT / "examples" / "depth_map" / "gbuffers", stage / "gbuffers")
-    for file in (*debs.values(), HERE / "consumer.c"):
+    for file in (*debs.values(), HERE / "consumer.c", HERE / "torch_pairs.py"):
         shutil.copy(file, stage)
     (stage / "steps.sh").write_text(STEPS)
     hooks = [f'--customize-hook=cp -r {stage} "$1/debs"', '--customize-hook=chroot "$1" bash -eu /debs/steps.sh']
@@ -133,3 +136,4 @@ def test_packages_on_a_bare_system(debs: dict[str, Path], tmp_path: Path) -> Non
     assert "(48, 64)" in output
     assert VERSION in output
     assert "frame_000000.png" in output
+    assert re.search(r"PyTorch \S+ reads 10 pairs", output)

@@ -54,7 +54,7 @@ print("read", len(samples), "pairs, JAX", jax.__version__)
 @pytest.mark.nightly
 def test_webdataset_and_jax(tmp_path: Path) -> None:
     """The real packages: shards are WebDataset's, images are JAX's arrays. PyTorch from PyPI brings CUDA, of some
-    gigabytes; tests of tensors speak its protocol instead."""
+    gigabytes: tests/install/torch_pairs.py has Debian's."""
     subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True, capture_output=True)
     python = tmp_path / "venv" / "bin" / "python"
     install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", "webdataset", "jax", "numpy"]

@@ -201,6 +201,39 @@ def test_an_array_interface_is_enough(camera: clspeckle.Pipeline, ideal: npt.NDA
     assert np.array_equal(camera.render(interface, frame_index=0, refresh="all"), expected)
 
 
+class TorchLike(Tensor):
+    """A tensor of PyTorch in host memory, as far as the package looks."""
+
+    def data_ptr(self) -> int:
+        return address(self._array)
+
+    def numpy(self) -> npt.NDArray[Any]:
+        return self._array
+
+
+def test_numpy_before_2_1_takes_tensors_as_read_only(
+    context: clspeckle.Context, shares: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Those of PyTorch are shared all the same; others are copied, and a warning says so."""
+    take = np.from_dlpack
+
+    def read_only(value: Any) -> npt.NDArray[Any]:
+        array = take(value).view()
+        array.flags.writeable = False
+        return array
+
+    monkeypatch.setattr(np, "from_dlpack", read_only)
+    monkeypatch.setattr(_tensor, "TELLS_READ_ONLY", False)
+    given = np.zeros(SHAPE, np.float32)
+    with caplog.at_level(logging.WARNING, "clspeckle"):
+        image = clspeckle.DeviceImage.from_dlpack(TorchLike(given), context=context)
+        image.write(np.ones(SHAPE, np.float32))
+        assert bool(given.all()) is shares
+        caplog.clear()
+        clspeckle.DeviceImage.from_dlpack(Tensor(given), context=context)
+    assert "as all tensors are for NumPy before 2.1" in caplog.text or not shares
+
+
 class Interface:
     """Memory that is told of by NumPy's array protocol alone."""
 

@@ -23,6 +23,9 @@ _CL_DEVICE_TYPE, _CL_DEVICE_TYPE_CPU = 0x1000, 1 << 1
 _CL_MEM_READ_WRITE, _CL_MEM_USE_HOST_PTR = 1 << 0, 1 << 3
 _CL_MAP_READ_WRITE = 3
 
+# What DLPack says of writing since its version 1.
+TELLS_READ_ONLY = tuple(int(n) for n in np.__version__.split(".")[:2]) >= (2, 1)
+
 _log = logging.getLogger("clspeckle")
 
 
@@ -35,7 +38,11 @@ def as_array(value: Any, name: str) -> npt.NDArray[Any]:
     """A tensor as NumPy sees it; one in the memory of a GPU is copied to the host's, which the log says."""
     kind, number = value.__dlpack_device__()
     if int(kind) in _HOST:
-        return np.from_dlpack(value)
+        array = np.from_dlpack(value)
+        # Before 2.1 NumPy takes all tensors as read-only. PyTorch has none that are, and a way of its own.
+        if not array.flags.writeable and hasattr(value, "data_ptr"):
+            return np.asarray(value.numpy())
+        return array
     _log.info(
         "%s is a tensor on another device (DLPack's type %d, number %d), whose memory OpenCL does not share: it is "
         "copied by way of the host",

@@ -741,6 +741,8 @@ class DeviceImage:
             why = "OpenCL's device is no CPU"
         elif not view.flags.writeable:
             why = "it is read-only"
+            if _tensor.is_tensor(tensor) and not _tensor.TELLS_READ_ONLY:
+                why += ", as all tensors are for NumPy before 2.1"
         elif pitch is None or view.size == 0:
             why = "its pixels do not lie next to each other"
         elif _tensor.is_tensor(tensor) and tensor.__dlpack_device__()[0] != _tensor.CPU:
@@ -753,7 +755,8 @@ class DeviceImage:
             return self
         if copy is False:
             raise BufferError(f"the tensor cannot be shared: {why}; without copy=False it is copied")
-        level = logging.WARNING if view.flags.writeable else logging.INFO
+        may_be_written = view.flags.writeable or (_tensor.is_tensor(tensor) and not _tensor.TELLS_READ_ONLY)
+        level = logging.WARNING if may_be_written else logging.INFO
         logging.getLogger("clspeckle").log(
             level, "the tensor is copied: %s; what is written to the image does not reach it", why
         )
@@ -782,7 +785,7 @@ class DeviceImage:
             array = self.read()
         else:
             array = self._array_on(self._mapped())
-        if max_version is None or tuple(int(n) for n in np.__version__.split(".")[:2]) < (2, 1):
+        if max_version is None or not _tensor.TELLS_READ_ONLY:
             return array.__dlpack__()
         return array.__dlpack__(max_version=max_version)
 
