@@ -662,7 +662,7 @@ void run_capture_init(const CaptureInitArguments &a, Console &console) {
         rows.push_back({found.name, found.scene, motion, std::to_string(found.frames),
                         fmt::format("{:.2f}", found.mean()), found.file});
     }
-    const std::string text = root.dump(1) + "\n";
+    const std::string text = json_document(root, 1) + "\n";
     file.write(text.data(), text.size());
     check_description(file, path, codes, console);
     file.commit();

@@ -8,6 +8,7 @@
 #include "interrupt.hpp"
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
+#include "json.hpp"
 #include "manual.hpp"
 #include "options.hpp"
 #include "table_options.hpp"
@@ -127,7 +128,7 @@ int render(Arguments &arguments, tools::Console &console) {
         input = tools::open_input(arguments.input, config);
     config.settle();
     if (arguments.dump_config) {
-        console.result(config.dump().dump(2));
+        console.result(tools::json_document(config.dump(), 2));
         return tools::exit_ok;
     }
     if (arguments.output.empty())

@@ -4,6 +4,7 @@
 #include "errors.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
+#include "json.hpp"
 #include "output.hpp"
 #include "text.hpp"
 
@@ -1023,6 +1024,7 @@ void check_overwriting(const Config &config, const Input &input, const std::stri
 void run_render(Config &config, Input &input, const std::string &folder, Console &console) {
     Renderer renderer(config, input, console);
     check_overwriting(config, input, folder, renderer.frames());
+    (void)json_document(config.dump(), 2); // before the frames: config.json can be written
     // Asked before the device, so that a size that is too large is told as what it is: wrong usage.
     try {
         clspeckle::field_grid(input.width, input.height,
@@ -1039,7 +1041,7 @@ void run_render(Config &config, Input &input, const std::string &folder, Console
     Output output(folder, FrameFormat(config.text("render.format")), renderer.frames(), input.width, input.height);
     try {
         renderer.run(output);
-        output.write_text("config.json", config.dump().dump(2) + "\n");
+        output.write_text("config.json", json_document(config.dump(), 2) + "\n");
     } catch (const Interrupted &) {
         output.wait();
         const std::vector<std::string> files = output.files();

@@ -93,7 +93,7 @@ void run_tune(const TuneArguments &a, Console &console) {
         Json result = record;
         result["path"] = tuning.path();
         result["warnings"] = console.warnings();
-        console.result(result.dump(2));
+        console.result(result.dump(2, ' ', false, Json::error_handler_t::replace));
     }
     console.print(fmt::format("{}, driver {}\n", record["device"]["name"].get<std::string>(),
                               record["device"]["driver_version"].get<std::string>()));

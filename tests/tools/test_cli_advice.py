@@ -659,6 +659,27 @@ def test_a_gap_of_two_sets(ok, refused, tmp_path: Path) -> None:
     ok(*compare, "same")
 
 
+def test_names_that_no_json_can_hold(ok, refused, tmp_path: Path) -> None:
+    """Before a frame is made: config.json and capture.json name files."""
+    codes = np.random.default_rng(1).integers(60, 80, (4, 24, 32), np.uint16)
+    (tmp_path / "set").mkdir()
+    odd = os.fsdecode(b"gain\xff.npy")
+    np.save(tmp_path / odd, np.ones((images.HEIGHT, images.WIDTH), np.float32))
+    np.save(tmp_path / "ideal.npy", images.real())
+    np.save(tmp_path / "set" / os.fsdecode(b"dark\xff.npy"), codes)
+    render = ["render", "ideal.npy", "-o", "out", "--no-preview", "--exposure-gain", 100, "--gain-map"]
+    said = refused(*render, odd)
+    assert "/sensor/gain_map would be" in said and "no text in UTF-8, as JSON must be: rename that file" in said
+    assert not (tmp_path / "out").exists()
+    assert "rename that file" in refused(*render, odd, "--dump-config")
+    assert "/sequences/0/" in refused("capture", "init", "set")
+    assert not (tmp_path / "set" / "capture.json").exists()
+    (tmp_path / odd).rename(tmp_path / "gain.npy")
+    (tmp_path / "set" / os.fsdecode(b"dark\xff.npy")).rename(tmp_path / "set" / "dark.npy")
+    ok(*render, "gain.npy")
+    ok("capture", "init", "set")
+
+
 def test_effects_that_render_has_not(refused, ok, tmp_path: Path) -> None:
     np.save(tmp_path / "ideal.npy", images.real())
     message = refused("render", "ideal.npy", "-o", "out", "--effect", "ghost_dots")
