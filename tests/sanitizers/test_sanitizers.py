@@ -28,18 +28,20 @@ EXCLUDED = {
     "test_memory": "it bounds the resident memory of the process, which grows by what the sanitizer keeps of freed memory",
     "test_native_passes": "what it tests belongs to the benchmarks, which are not part of the sanitized build",
 }
-PROGRAMS = [name for name in [*GTEST_PROGRAMS, "test_no_platform"] if name not in EXCLUDED]
+MORE = ["test_no_platform", "test_faults"]
+PROGRAMS = [name for name in [*GTEST_PROGRAMS, *MORE] if name not in EXCLUDED]
 # Programs that run once more with clFFT, whose plans several apertures and threads share, and with the engine
 # for GPUs.
 RUNS = [*PROGRAMS, "test_aperture-clfft", "test_concurrency-clfft", "test_aperture-gpu"]
 Done = subprocess.CompletedProcess[str]
 # Programs that measure clFFT beside the other engines: its own leaks are known (leaks.supp).
-USERS_OF_CLFFT = {"test_work_groups", "test_tuning"}
+USERS_OF_CLFFT = {"test_work_groups", "test_tuning", "test_faults"}
 # Programs of which a part is enough: what kernels are made of, at the first sizes and options. No more of the library's own
 # code runs for the others.
 FILTERS = {
     "test_cpu_codelets": "-*/1?",
     "test_diagnosis_api": "-*LeftOut",
+    "test_faults": "*/files",
     "test_frame_changes": "-*WhatFluctuates:*OfFewFramesIsNoDrift",
     "test_gpu_codelets": "-*/8:*/9:*/1?",
     "test_judged_part": "-*TakesTheMemory*",
@@ -146,7 +148,7 @@ def test_every_program_is_sanitized() -> None:
     assert set(EXCLUDED) < set(GTEST_PROGRAMS)
     assert set(FILTERS) < set(PROGRAMS)
     assert USERS_OF_CLFFT < set(PROGRAMS)
-    assert {*PROGRAMS, *EXCLUDED} == {*GTEST_PROGRAMS, "test_no_platform"}
+    assert {*PROGRAMS, *EXCLUDED} == {*GTEST_PROGRAMS, *MORE}
 
 
 @pytest.mark.parametrize("fault", ["overflow", "leak", "undefined"])
