@@ -1,5 +1,6 @@
 // What a set of sequences can and cannot tell apart, with the physics.
 #include "capture/capture_check.hpp"
+#include "capture/exposure_series.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +20,7 @@ struct Contents {
     std::uint32_t frames_at_rest = 0;        // of the longest such sequence
     double flat_ratio = 1.0, laser_ratio = 1.0; // brightest over faintest of flat, and of one laser scene in motion
     bool dark_exposures = false, f_numbers = false;
+    bool flat_exposures = false; // flats whose light goes as their exposure time
     double dot_radius_ratio = 1.0; // outermost over innermost dot
 };
 
@@ -31,10 +33,11 @@ double ratio(const std::vector<double> &levels) {
 
 Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary> &sequences) {
     Contents c;
-    std::vector<double> flat_levels, board_levels, dots_levels;
+    std::vector<double> light_dn, flat_levels, board_levels, dots_levels;
     std::set<double> f_numbers;
     for (const SequenceSummary &s : sequences) {
         const bool speckle = is_laser(s.scene);
+        light_dn.push_back(s.level_above_dark_dn);
         c.dark |= s.scene == CaptureScene::kDark;
         c.flat |= s.scene == CaptureScene::kFlat;
         c.board |= s.scene == CaptureScene::kBoard;
@@ -57,6 +60,7 @@ Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary
     c.laser_ratio = std::max(ratio(board_levels), ratio(dots_levels));
     c.dark_exposures = exposure_count(layout, CaptureScene::kDark) > 1;
     c.f_numbers = f_numbers.size() > 1;
+    c.flat_exposures = !exposure_series(layout, light_dn).empty();
     if (layout.dots) {
         double inner = 1e300, outer = 0.0;
         for (const auto &p : layout.dots->positions_px) {
@@ -130,24 +134,30 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
         c.flat || c.board ? "even light shows the fall-off of the lens"
                           : "the flux of dots over the field is that of lens and pattern together",
         "a flat sequence");
-    // Every sequence's own light is calibrated, so that a response that bends shows in what light does within a
-    // sequence, never in how the means of several go with the time of exposure.
+    // But for a series of exposures every sequence's own light is calibrated: a response that bends shows in what light
+    // does within a sequence alone.
     constexpr double kSeveralLevels = 1.5;
-    add("shot noise, gamma and full well", c.laser_ratio >= kSeveralLevels,
+    const bool flats_tell = c.flat_exposures && c.flat_ratio >= kSeveralLevels;
+    add("shot noise, gamma and full well", flats_tell || c.laser_ratio >= kSeveralLevels,
+        flats_tell
+            ? fmt::format("flat levels span a factor of {:.1f} and go as exposure_ms: their means show a bent response, "
+                          "their noise the photons'",
+                          c.flat_ratio)
+        :
         c.laser_ratio >= kSeveralLevels
             ? fmt::format("levels of one moving laser scene span a factor of {:.1f}: a bent response and a full well "
                           "change the law of speckle by the level, other causes do not; the variance follows the light",
                           c.laser_ratio)
         : c.flat_ratio >= kSeveralLevels
             ? fmt::format("flat levels span a factor of {:.1f}, and the noise of each is compared: that shows shot "
-                          "noise. Their means show no bent response and no full well: each sequence's light is "
-                          "calibrated, whatever its exposure_ms",
+                          "noise. Their means show no bent response and no full well: light that does not go as "
+                          "exposure_ms, of three times at least, is calibrated for each",
                           c.flat_ratio)
             : "at one level of light the slope of variance against mean, a bent response and a low full well are "
               "weakly determined: "
               "the calibrated gain takes up most of it",
-        "one moving board at two or more levels of light, up to near saturation; flat sequences at several levels "
-        "show shot noise alone");
+        "one moving board at two or more levels of light, up to near saturation; or flats under one lamp at three or "
+        "more exposure_ms");
     add("beam and diffractive element", c.dots,
         c.dots ? "shape, place and flux of dots can be measured"
                : "beam shape, zero order, ghosts and scatter show in the dot pattern only",

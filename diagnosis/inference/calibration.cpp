@@ -1,6 +1,8 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
 #include "inference/replicate_runner.hpp"
+
+#include "capture/exposure_series.hpp"
 #include "inference/thresholds.hpp"
 
 #include <Eigen/LU>
@@ -202,7 +204,21 @@ CalibratedLevels ReplicateRunner::calibrate(const EffectSettings &effects, const
                 calibrate_signal(worker.simulator, effects, s, step, own);
         })[2];
     });
+    tie_to_exposures(result);
     return result;
+}
+
+void ReplicateRunner::tie_to_exposures(CalibratedLevels &levels) const {
+    std::vector<double> signal, light;
+    for (std::size_t s = 0; s < levels.signal_share.size(); ++s) {
+        signal.push_back(shared_->real_levels[s].mean_dn - shared_->real_calibration.black_level_dn);
+        light.push_back(levels.signal_share[s] * signal[s]);
+    }
+    const std::vector<double> own = light;
+    tie_light_to_exposures(shared_->layout, light);
+    for (std::size_t s = 0; s < light.size(); ++s)
+        if (light[s] != own[s])
+            levels.signal_share[s] *= light[s] / own[s];
 }
 
 double ReplicateRunner::noise_between_steps(const EffectSettings &effects, std::size_t dark,

@@ -207,6 +207,8 @@ class ReplicateRunner {
                                           double step_dn, CalibratedLevels &levels);
     void calibrate_coarse_noise(Simulator &simulator, const EffectSettings &effects, std::size_t sequence,
                                 double step_dn, CalibratedLevels &levels);
+    // The light of flats of one lamp goes as their exposure.
+    void tie_to_exposures(CalibratedLevels &levels) const;
     // The read noise that dark and even frames show where steps are coarse.
     double noise_between_steps(const EffectSettings &effects, std::size_t dark, const std::vector<Task> &lit,
                                double step_dn, const CalibratedLevels &begin);

@@ -57,6 +57,8 @@ constexpr Words kStatistics[] = {
     {"fixed_pattern_correlation_", "correlation of neighbouring pixels in the fixed pattern"},
     {"fixed_pattern_lines", "sharp peaks in the spectrum of the fixed pattern: a periodic pattern"},
     {"fixed_pattern_wave", "the strongest wave in the fixed pattern, over the temporal noise"},
+    {"signal_by_exposure",
+     "brightness of a flat whose light goes as its exposure time: a bent response changes it from flat to flat"},
     {"dark_level", "level of a dark sequence against that of all, in read noise: dark current raises it"},
     {"hot_pixels_", "number of pixels that stick out brightly, by so many standard deviations"},
     {"cold_pixels_", "number of pixels that stick out darkly, by so many standard deviations"},

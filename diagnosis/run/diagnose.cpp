@@ -1,6 +1,7 @@
 #include "run/diagnose.hpp"
 
 #include "capture/capture_check.hpp"
+#include "capture/exposure_series.hpp"
 #include "capture/frame_changes.hpp"
 #include "inference/ladder.hpp"
 #include "inference/shrinkage.hpp"
@@ -291,6 +292,11 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
                                       [&](const LampDrift &drift) { return drift.sequence == change.sequence; }),
                        lamp.end());
     set_illumination(result.illumination, capture.layout);
+    std::vector<double> light_dn;
+    for (const SequenceSummary &sequence : kept)
+        light_dn.push_back(sequence.level_above_dark_dn);
+    for (const std::size_t s : exposure_series(capture.layout, light_dn))
+        capture.layout.sequences[s].in_exposure_series = true;
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     if (!tolerances.entries.empty())
         result.acceptance = acceptance_rows(tolerances, measurables(runner, capture));
