@@ -56,7 +56,7 @@ def parameter(report: dict[str, Any], effect: str, name: str) -> float:
 
 
 def test_means_show_a_bent_response(tmp_path: Path) -> None:
-    """The means are off a line by up to 0.9 %, nine times what a lamp is."""
+    """The means are off a line by up to 1.1 %, ten times what a lamp is."""
     report = diagnosed(recorded(tmp_path / "set", 0.96, (1.0,) * len(TIMES_MS)))
     assert sorted(report["cause"]["effects"]) == ["gamma", "shot_noise"]
     assert not report["shrink"]["residual_detected"]
