@@ -1,6 +1,6 @@
 // Device times of the three passes of the engine for CPUs, or of that for GPUs by the work-groups that they have:
 // what a whole frame's time (clspeckle tune) does not show. Medians over frames, by the events of a profiling queue.
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 #include "fft/gpu/codelets.hpp"
 #include "fft/plan/line_plan.hpp"
 #include "runtime/command_chain.hpp"

@@ -7,6 +7,7 @@ A C++ header and its source are one file here, and imports within Python functio
 code 1 if there are any:
   circle   files that need each other, all of a circle in one line
   arrow    a file that uses a folder which it must not know (ARROWS)
+  room     a folder of core or diagnosis of which ARROWS says nothing
   C word   a string in core or diagnosis that speaks of the C interface (CLSP_..., clspX...)
 """
 
@@ -29,9 +30,15 @@ INCLUDES = {
     "bindings/cpp": ["bindings/cpp/include", "capi/include"],
 }
 # The folders that a folder's files may use. The longest name that fits a file counts.
+CORE = ["core/runtime", "core/fft", "core/stages"]
 ARROWS = {
     "core": ["core", "io"],
     "core/runtime": ["core/runtime", "io"],
+    "core/fft": ["core/fft", "core/runtime", "io"],
+    "core/stages": CORE,
+    "core/effects": ["core/effects", *CORE],
+    "core/pipeline": ["core/pipeline", "core/effects", *CORE],
+    **{f"core/{folder}": [f"core/{folder}", *CORE] for folder in ("depth", "doe", "statistics", "tuning")},
     "io": ["io"],
     "diagnosis": ["diagnosis", "core", "io"],
     "diagnosis/capture": ["diagnosis/capture", "core", "io"],
@@ -39,6 +46,8 @@ ARROWS = {
     "diagnosis/statistics": ["diagnosis/statistics", "diagnosis/capture", "core"],
     "diagnosis/inference": [f"diagnosis/{x}" for x in ("inference", "statistics", "simulator", "capture")] + ["core"],
     "diagnosis/measure": [f"diagnosis/{x}" for x in ("measure", "inference", "statistics", "simulator", "capture")] + ["core"],
+    "diagnosis/report": ["diagnosis/report", "diagnosis/measure", "diagnosis/capture", "core", "io"],
+    "diagnosis/run": [f"diagnosis/{x}" for x in ("run", "measure", "inference", "statistics", "simulator", "capture")] + ["core"],
     "capi": ["capi", "diagnosis", "core", "io"],
     "bindings/cpp": ["bindings/cpp", "capi/include"],
     "tools": ["tools", "bindings/cpp/include", "capi/include", "io"],
@@ -65,19 +74,26 @@ def cpp_graph(root: Path) -> dict[str, set[str]]:
 
 
 def python_graph(root: Path) -> dict[str, set[str]]:
+    """The modules that each module imports, in functions, too."""
     graph: dict[str, set[str]] = {}
     for package, folder in PACKAGES.items():
-        home = root / folder / package
-        for path in sorted(home.glob("*.py")):
+        home = root / folder
+        modules: dict[str, Path] = {}
+        for path in sorted((home / package).rglob("*.py")):
+            parts = path.relative_to(home).with_suffix("").parts
+            modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+        for name, path in modules.items():
             used = graph.setdefault(path.relative_to(root).as_posix(), set())
+            here = name.split(".") if path.stem == "__init__" else name.split(".")[:-1]
             for node in ast.walk(ast.parse(path.read_text())):
-                names: list[str] = []
-                if isinstance(node, ast.ImportFrom) and (node.level == 1 or (node.module or "").split(".")[0] == package):
-                    module = (node.module or "").removeprefix(package).removeprefix(".")
-                    names = [module] if module else [alias.name for alias in node.names]
+                wanted: list[str] = []
+                if isinstance(node, ast.ImportFrom):
+                    start = here[: len(here) - node.level + 1] if node.level else []
+                    of = ".".join([*start, *([node.module] if node.module else [])])
+                    wanted = [f"{of}.{a.name}" if f"{of}.{a.name}" in modules else of for a in node.names]
                 elif isinstance(node, ast.Import):
-                    names = [a.name.partition(".")[2] for a in node.names if a.name.startswith(package + ".")]
-                used.update((home / f"{n}.py").relative_to(root).as_posix() for n in names if (home / f"{n}.py").is_file())
+                    wanted = [alias.name for alias in node.names]
+                used.update(modules[w].relative_to(root).as_posix() for w in wanted if w in modules and w != name)
     return graph
 
 
@@ -116,6 +132,11 @@ def wrong_arrows(graph: dict[str, set[str]]) -> list[str]:
     return result
 
 
+def missing_rooms(root: Path) -> list[str]:
+    folders = [f"{top}/{p.name}" for top in ("core", "diagnosis") for p in sorted((root / top).glob("*/"))]
+    return [folder for folder in folders if folder not in ARROWS]
+
+
 def c_words(root: Path) -> list[str]:
     result = []
     for top in ("core", "diagnosis"):
@@ -132,6 +153,7 @@ def findings(root: Path) -> list[str]:
     return [
         *(f"circle: {' '.join(files)}" for graph in (units(cpp), python) for files in circles(graph)),
         *(f"arrow: {arrow}" for arrow in wrong_arrows(cpp)),
+        *(f"room: {folder}" for folder in missing_rooms(root)),
         *(f"C word: {word}" for word in c_words(root)),
     ]
 

@@ -1,6 +1,6 @@
 #include "effects/effects.hpp"
 
-#include "pipeline/pipeline_model.hpp"
+#include "effects/pipeline_model.hpp"
 #include "runtime/error.hpp"
 
 #include <algorithm>

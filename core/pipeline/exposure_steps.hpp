@@ -1,7 +1,7 @@
 // An exposure during which the speckle changes, as a few sub-exposures.
 #pragma once
 
-#include "pipeline/exposure_modes.hpp"
+#include "stages/exposure_modes.hpp"
 #include "runtime/fields.hpp"
 #include "stages/laser_lines.hpp"
 #include "stages/phase.hpp"

@@ -1,10 +1,10 @@
 // A frame: light, motion, phase, aperture, lens, sensor, as one chain of commands.
 #pragma once
 
+#include "effects/pipeline_model.hpp"
 #include "pipeline/exposure_steps.hpp"
 #include "pipeline/frame_plan.hpp"
 #include "pipeline/own_effect.hpp"
-#include "pipeline/pipeline_model.hpp"
 #include "runtime/lazy_kernel.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"

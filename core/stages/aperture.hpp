@@ -1,7 +1,7 @@
 // The lens's aperture. The equations are in aperture.h of the C API.
 #pragma once
 
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 #include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/fields.hpp"

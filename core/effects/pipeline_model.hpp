@@ -1,7 +1,7 @@
 // The parameters of a frame: what effects change, and what a pipeline is made of.
 #pragma once
 
-#include "pipeline/exposure_modes.hpp"
+#include "stages/exposure_modes.hpp"
 #include "runtime/fields.hpp"
 #include "stages/airflow.hpp"
 #include "stages/aperture.hpp"

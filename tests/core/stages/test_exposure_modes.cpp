@@ -1,5 +1,5 @@
 // The independent patterns of an exposure, against integrals of the kernels exp(-L |t - t'|) and exp(-L^2 (t - t')^2) that they expand.
-#include "pipeline/exposure_modes.hpp"
+#include "stages/exposure_modes.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
 // The engine for GPUs: a work-group has some rows or neighbouring pupil columns in local
 // memory and shares out their butterflies (kernels/fft/gpu/rows_forward.cl, fft/gpu/columns.cl,
 // fft/gpu/rows_inverse.cl).
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 
 #include "fft/gpu/codelets.hpp"
-#include "fft/plan/pupil_tables.hpp"
+#include "stages/engines/pupil_tables.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"

@@ -1,6 +1,6 @@
 // clFFT's engine, which takes every grid: a kernel makes the field, another one applies the pupil between the
 // transforms, a third one makes pixels.
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 #include "fft/fft.hpp"
 #include "runtime/kernel_arguments.hpp"
 

@@ -1,4 +1,4 @@
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 
 #include "fft/plan/line_plan.hpp"
 #include "runtime/error.hpp"

@@ -17,7 +17,7 @@ from clspeckle import errors
 from reference import aperture, phase, philox
 
 BOUND = 2e-6
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 SMALL_GROUPS = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build")) / "lib" / "libsmall_groups.so"
 
 

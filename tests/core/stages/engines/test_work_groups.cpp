@@ -1,6 +1,6 @@
 // The engine for GPUs in work-groups of a given shape: the field is clFFT's in every one of them; kernels that leave
 // their work-groups less than they take get smaller ones, or the aperture falls back when it is made.
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 #include "fft/gpu/codelets.hpp"
 #include "runtime/context.hpp"
 #include "stages/aperture.hpp"

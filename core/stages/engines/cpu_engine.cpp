@@ -1,11 +1,11 @@
 // The engine for CPUs: a work-item is a work-group and works on `lanes` rows or lines at once,
 // with explicit vectors (kernels/fft/cpu/rows_forward.cl, fft/cpu/columns.cl, fft/cpu/rows_inverse.cl).
-#include "fft/engine.hpp"
+#include "stages/engines/engine.hpp"
 
 #include "fft/cpu/codelets.hpp"
 #include "fft/cpu/lanes.hpp"
 #include "fft/cpu/lines.hpp"
-#include "fft/plan/pupil_tables.hpp"
+#include "stages/engines/pupil_tables.hpp"
 #include "runtime/device_buffer.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"

@@ -1,4 +1,4 @@
-#include "pipeline/exposure_modes.hpp"
+#include "stages/exposure_modes.hpp"
 
 #include <Eigen/Eigenvalues>
 
