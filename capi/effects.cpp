@@ -1,16 +1,65 @@
 #include "clspeckle/effects.h"
 
 #include "effects/effects.hpp"
+#include "fields.hpp"
 #include "handles.hpp"
+#include "effects/pipeline_model.hpp"
 #include "status.hpp"
 #include "texts.hpp"
 
 #include <fmt/core.h>
+#include <utility>
 
 using namespace clsp;
 using namespace clsp::capi;
 
+namespace {
+
+// Of a model with a sensor whose gain is 1: light is in DN.
+constexpr auto kTraits = [](auto field, auto &c, auto &m) {
+    field(c.bits, m.sensor->bits);
+    field(c.effective_bits, m.sensor->effective_bits);
+    field(c.polarization_count, m.phase.polarization_count);
+    field(c.fill_factor, m.aperture.fill_factor);
+    field(c.saturation_dn, m.sensor->saturation_dn);
+    field(c.gamma, m.sensor->gamma);
+    field(c.cubic_nonlinearity, m.sensor->cubic_nonlinearity);
+    field(c.ambient_dn, m.lens.ambient);
+};
+
+PipelineModel any_camera() {
+    PipelineModel model;
+    model.dots.emplace();
+    model.sensor.emplace().exposure_gain_dn = 1.0;
+    return model;
+}
+
+} // namespace
+
 extern "C" {
+
+CLSP_INIT(CameraTraits, traits, to_c<ClspCameraTraits>(kTraits, any_camera()))
+
+CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values, uint32_t count,
+                                           ClspCameraTraits *traits) {
+    return guarded("clspEffectChangeTraits", [&] {
+        const Effect &effect = find_effect(&required(id, "id"));
+        PipelineModel model = any_camera();
+        const ClspCameraTraits given = read_struct(traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
+        kTraits(FieldFromC{}, given, model);
+        effect.apply(model, check_effect_values(effect, values, count).data());
+        write_struct(*traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
+    });
+}
+
+CLSP_API ClspStatus clspEffectGetScenes(const char *id, uint32_t *acts, uint32_t *shows) {
+    return guarded("clspEffectGetScenes", [&] {
+        const Effect &effect = find_effect(&required(id, "id"));
+        for (const auto &[to, from] : {std::pair{acts, effect.acts.scenes}, std::pair{shows, effect.shows.scenes}})
+            if (to)
+                *to = from;
+    });
+}
 
 CLSP_API ClspStatus clspEffectGetCount(uint32_t *count) {
     return guarded("clspEffectGetCount", [&] {

@@ -166,7 +166,7 @@ std::vector<Plan> plan_sequences(const CaptureMakeArguments &a) {
 /** Whether an effect shows with dots alone: a wall ends nowhere near the image's border, so that a lens which distorts
  * it leaves it even. */
 bool needs_dots(const std::string &id) {
-    return id == "lens_distortion" || changes_dots(id);
+    return clspeckle::effect_scenes(id) == 1u << CLSP_SCENE_DOTS;
 }
 
 /** Seeds of a camera's surfaces and noise: others than those of the captures that a diagnosis simulates, whatever its
@@ -215,8 +215,9 @@ std::vector<std::uint16_t> draw(const CaptureMakeArguments &a, const Plan &plan,
     }
     // Two samples hold what pixels integrate behind a narrower pupil. Both have the light at the pixel's centre, a
     // staircase of that variance.
-    const bool integrates =
-        std::any_of(effects.begin(), effects.end(), [](const EffectSetting &e) { return e.id == "pixel_integration"; });
+    auto traits = clspeckle::make<ClspCameraTraits>();
+    traits.bits = a.bits;
+    const bool integrates = traits_with(effects, traits).fill_factor > 0.0;
     double staircase = 0.0;
     if (integrates && diameter > kFolds && diameter <= 1.0) {
         phase.oversampling = aperture.oversampling = 2;

@@ -64,6 +64,16 @@ bool changes_dots(const std::string &id) {
     return std::string(find(id, id).kernel).find("stages/dots.cl") != std::string::npos;
 }
 
+ClspCameraTraits traits_with(const std::vector<EffectSetting> &effects, ClspCameraTraits traits) {
+    for (const EffectSetting &effect : effects)
+        try {
+            clspeckle::change_traits(traits, effect.id, effect.values);
+        } catch (const clspeckle::Error &error) {
+            throw InputError(fmt::format("--effect {}: {}", effect_text(effect), error.message()));
+        }
+    return traits;
+}
+
 EffectSetting parse_effect(const std::string &text) {
     const std::string where = "--effect " + text;
     const std::size_t colon = std::min(text.find(':'), text.size());

@@ -27,6 +27,9 @@ const std::vector<ClspEffectInfo> &effect_catalogue();
 /** Whether an effect changes the dots that the library draws: what brings a pattern of its own cannot have it. */
 bool changes_dots(const std::string &id);
 
+/** What a camera has with effects. @param traits what it has without. */
+ClspCameraTraits traits_with(const std::vector<EffectSetting> &effects, ClspCameraTraits traits);
+
 /** From "ID" or "ID:NAME=VALUE,NAME=VALUE"; what is left out takes the middle between weak and strong. */
 EffectSetting parse_effect(const std::string &text);
 /** From an id and an object of numbers, as in a configuration. @param where for messages. */

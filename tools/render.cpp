@@ -696,13 +696,13 @@ class Renderer {
                               "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
-    double effect_value(const char *id, double otherwise) const {
-        for (const EffectSetting &effect : config_.effects())
-            if (effect.id == id)
-                return effect.values.front();
-        return otherwise;
+    ClspCameraTraits traits() const {
+        auto traits = clspeckle::make<ClspCameraTraits>();
+        traits.bits = static_cast<std::uint32_t>(config_.integer("sensor.bits"));
+        traits.saturation_dn = config_.number("sensor.saturation_dn");
+        return traits_with(config_.effects(), traits);
     }
-    double ambient_light_dn() const { return effect_value("ambient_light", 0); }
+    double ambient_light_dn() const { return traits().ambient_dn; }
 
     /** Part of the light that the aperture passes, in the mean. */
     double passed() const {
@@ -713,16 +713,18 @@ class Renderer {
     /** The largest signal of a pixel, in dn; infinite: only the converter ends it. */
     double largest_signal() const {
         const double full = top_code();
-        double signal = effect_value("full_well", config_.number("sensor.saturation_dn"));
+        const ClspCameraTraits of = traits();
+        double signal = of.saturation_dn;
         if (!std::isfinite(signal))
             return signal;
-        signal *= 1 - effect_value("nonlinearity", 0) * std::pow(std::min(signal / full, 1.0), 3);
-        return full * std::pow(signal / full, effect_value("gamma", 1));
+        signal *= 1 - of.cubic_nonlinearity * std::pow(std::min(signal / full, 1.0), 3);
+        return full * std::pow(signal / full, of.gamma);
     }
     /** The converter's own largest code. */
     double largest_code() const {
-        const auto bits = static_cast<double>(config_.integer("sensor.bits"));
-        return std::exp2(bits) - std::exp2(bits - effect_value("adc_bits", bits));
+        const ClspCameraTraits of = traits();
+        const double bits = of.bits, effective = of.effective_bits ? of.effective_bits : of.bits;
+        return std::exp2(bits) - std::exp2(bits - effective);
     }
     /** The code of a pixel without light. */
     double offset() const { return config_.number("sensor.black_level_dn") + dark_dn_; }

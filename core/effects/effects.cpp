@@ -122,6 +122,7 @@ std::vector<Effect> make_catalogue() {
      },
      {kInSpeckle}, {kInSpeckle},
      "contrast falls towards 0.71, and the intensity law changes with it", "", {2}}
+        .needs_of_finished_frames(FinishedNeed::kSecondPattern)
         .told_from("motion_decorrelation",
                    "board_static: motion in the exposure leaves it alone, depolarization does not"),
     Effect{"low_roughness", "surface", "part of the field keeps its phase: U = sqrt(I0) (sqrt(1 - c) z + sqrt(c))",
@@ -188,7 +189,8 @@ std::vector<Effect> make_catalogue() {
      {{"rms_px", "px", 0.0, 100.0, 0.05, 0.3}},
      [](Model &m, Values v) { m.pipeline.vibration_rms_px = v[0]; },
      {kInSpeckle, SceneMotion::kStatic}, {kInSpeckle, SceneMotion::kStatic, 2},
-     "the speckle of a resting surface shifts as a whole", "", {1}},
+     "the speckle of a resting surface shifts as a whole", "", {1}}
+        .needs_of_finished_frames(FinishedNeed::kSharedPicture),
     // Optics.
     Effect{"defocus", "optics", "quadratic pupil phase, w waves at the rim",
      "fft/clfft/pupil.cl: apply_pupil (COMPLEX_PUPIL)",
@@ -208,6 +210,7 @@ std::vector<Effect> make_catalogue() {
      {kInLight}, {kInLight},
      "light falls off towards the corners", "", {1}}
         .scales_light()
+        .dims_the_corners()
         .told_from("ghost_dots", "flat: it shows the lens's fall-off alone"),
     Effect{"aperture_mismatch", "optics", "the true f-number is another than the nominal one",
      "fft/clfft/pupil.cl: apply_pupil", kSetsAperture,

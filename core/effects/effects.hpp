@@ -82,6 +82,13 @@ enum class OpenReading {
 // What a pixel has by the effect in every frame alike, so that a map of the pixels holds it: an offset or a relative gain.
 enum class FixedPattern { kNone, kOffset, kGain };
 
+// What it takes to put an effect into finished frames, beside each frame itself.
+enum class FinishedNeed {
+    kNothing,
+    kSharedPicture, // what the frames of a sequence have in common
+    kSecondPattern, // an independent pattern of the same scene
+};
+
 // An effect that a capture may not tell from this one, and the capture that would.
 struct ConfusableEffect {
     const char *id, *capture;
@@ -98,7 +105,7 @@ struct Effect {
     EffectScenes acts;      // where it changes codes, whatever its parameters; none elsewhere
     EffectScenes shows;     // where statistics can tell it
     const char *symptom;    // what of a capture shows it, in words
-    const char *unfinished; // why it cannot be put into finished frames; "" if it can
+    const char *unfinished; // why it cannot be put into any finished frames; "" if it can
     EffectCost cost;
 
     // What few effects have.
@@ -108,6 +115,8 @@ struct Effect {
     bool even = false;          // no statistic shows its first parameter's sign: it is looked for from 0 on
     OpenReading open_reading = OpenReading::kNone;
     FixedPattern fixed_pattern = FixedPattern::kNone;
+    FinishedNeed finished_need = FinishedNeed::kNothing;
+    bool dims_corners = false; // as light that falls unevenly may
     std::vector<EffectForms> forms = {};
     std::vector<MeasuredParameter> measured_parameters = {};
     std::vector<ConfusableEffect> confusable_effects = {};
@@ -116,6 +125,8 @@ struct Effect {
     Effect needs_gaussian_field() const { return with(&Effect::gaussian_only, true); }
     Effect also_acts_where_light_is_shaped(unsigned scenes) const { return with(&Effect::acts_shaped, scenes); }
     Effect is_fixed(FixedPattern pattern) const { return with(&Effect::fixed_pattern, pattern); }
+    Effect needs_of_finished_frames(FinishedNeed need) const { return with(&Effect::finished_need, need); }
+    Effect dims_the_corners() const { return with(&Effect::dims_corners, true); }
     Effect is_even() const { return with(&Effect::even, true); }
     Effect leaves_open(OpenReading reading) const { return with(&Effect::open_reading, reading); }
     Effect with_forms(const char *parameter, std::vector<double> values, bool told_by_fit = false) const {

@@ -1,9 +1,11 @@
 // Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
 // frames of their own.
+#include "effects/effects.hpp"
 #include "inference/replicate_runner.hpp"
 
 #include "capture/exposure_series.hpp"
 #include "inference/thresholds.hpp"
+#include "effects/pipeline_model.hpp"
 
 #include <Eigen/LU>
 
@@ -77,10 +79,13 @@ double likely_noise(const NoiseRange &range, const std::vector<ShownNoise> &sequ
 }
 
 double converter_step_dn(const CaptureLayout &layout, const EffectSettings &effects) {
-    for (const EffectSetting &effect : effects)
-        if (effect.id == "adc_bits")
-            return std::exp2(static_cast<double>(layout.bits) - std::round(effect.values.front()));
-    return 1.0;
+    PipelineModel model;
+    SensorParameters &sensor = model.sensor.emplace();
+    sensor.bits = layout.bits;
+    for (const EffectSetting &setting : effects)
+        if (in_catalogue(setting.id) && find_effect(setting.id).sets == kSetsSensor)
+            find_effect(setting.id).apply(model, setting.values.data());
+    return sensor.effective_bits ? std::exp2(double(layout.bits) - double(sensor.effective_bits)) : 1.0;
 }
 
 // Where a growing function is 0, by false position with Illinois' rule; the nearer end where that is not between the two.

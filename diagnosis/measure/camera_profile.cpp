@@ -45,9 +45,12 @@ void set_sampling(const Capture &given, const EffectSettings &catalogue, CameraP
     layout.sequences = {board};
     const ApertureParameters aperture = sequence_model(layout, {}, 0, catalogue).model.aperture;
     profile.oversampling = aperture.oversampling;
-    const bool integrates = std::any_of(catalogue.begin(), catalogue.end(),
-                                        [](const EffectSetting &e) { return e.id == "pixel_integration"; });
-    profile.fill_factor = integrates ? 0.0 : aperture.fill_factor;
+    PipelineModel changed;
+    for (const EffectSetting &setting : catalogue)
+        if (const Effect &effect = find_effect(setting.id); effect.sets == kSetsAperture)
+            effect.apply(changed, setting.values.data());
+    // What an effect sets, the profile has as that effect.
+    profile.fill_factor = changed.aperture.fill_factor > 0.0 ? 0.0 : aperture.fill_factor;
 }
 
 std::optional<ProfileMap> profile_map(std::optional<PatternMap> &map, const char *name, FixedPattern pattern) {

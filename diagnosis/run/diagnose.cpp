@@ -3,6 +3,7 @@
 #include "capture/capture_check.hpp"
 #include "capture/exposure_series.hpp"
 #include "capture/frame_changes.hpp"
+#include "effects/effects.hpp"
 #include "inference/ladder.hpp"
 #include "inference/shrinkage.hpp"
 #include "inference/thresholds.hpp"
@@ -20,6 +21,7 @@
 #include <chrono>
 #include <cmath>
 #include <fmt/core.h>
+#include <iterator>
 #include <set>
 #include <thread>
 #include <utility>
@@ -27,8 +29,11 @@
 namespace clsp {
 namespace {
 
-// What falls off towards the corners, in a capture of lamp light or of laser light alone.
-constexpr const char *kLens = "vignetting", *kLight = "uneven_illumination";
+// Of light that falls off towards the corners, in a capture of lamp light or of laser light alone.
+constexpr const char *kUnevenLight = "uneven_illumination";
+bool dims_corners(const std::string &effect) {
+    return in_catalogue(effect) && find_effect(effect).dims_corners;
+}
 
 // The stage of the effect that imitates most of an unknown cause; empty if none does.
 std::string alike_stage(const DiagnosisResult &result) {
@@ -50,7 +55,7 @@ std::string alike_stage(const DiagnosisResult &result) {
 void widen_fall_off(std::vector<FittedParameter> &parameters, double deviation, double degrees_of_freedom) {
     const double of_lights = student_two_sided_quantile(0.05, degrees_of_freedom) * deviation;
     for (FittedParameter &one : parameters)
-        if (one.effect == kLens) {
+        if (dims_corners(one.effect)) {
             one.low = std::max(0.0, one.value - std::hypot(one.value - one.low, of_lights));
             one.high = std::min(1.0, one.value + std::hypot(one.high - one.value, of_lights));
         }
@@ -432,9 +437,12 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
             place_stages(runner.layout(), result.places, alike_stage(result));
         } else {
             name_effects(found.steps, passed_over, result);
-            if (result.illumination.lens_or_light && std::count(result.effects.begin(), result.effects.end(), kLens)) {
+            std::vector<std::string> either;
+            std::copy_if(result.effects.begin(), result.effects.end(), std::back_inserter(either), dims_corners);
+            if (result.illumination.lens_or_light && !either.empty()) {
                 result.verdict = Verdict::kAmbiguous;
-                for (const char *one : {kLens, kLight})
+                either.push_back(kUnevenLight);
+                for (const std::string &one : either)
                     if (!std::count(result.equivalent.begin(), result.equivalent.end(), one))
                         result.equivalent.push_back(one);
             }

@@ -30,8 +30,11 @@ constexpr double kProbe = 0.02;
 } // namespace
 
 std::string finished_frames_refusal(const std::string &effect, const CaptureLayout &layout) {
-    if (effect != "depolarization")
-        return in_catalogue(effect) ? find_effect(effect).unfinished : "";
+    if (!in_catalogue(effect))
+        return {};
+    const Effect &record = find_effect(effect);
+    if (record.finished_need != FinishedNeed::kSecondPattern)
+        return record.unfinished;
     if (layout.degree_of_polarization < 1.0)
         return "light that is polarized in part holds two patterns already, and mixing frames would make it four";
     const auto mixable = [](const SequenceLayout &s) { return is_laser(s.scene) && s.moving && s.frame_count >= 4; };
@@ -339,11 +342,16 @@ bool FinishedFrames::concerns(const std::string &effect, std::size_t sequence) c
         !acts_in(find_effect(effect), self.layout.sequences[sequence], self.layout.field, false))
         return false;
     const SequenceLayout &of = self.layout.sequences[sequence];
-    // A shift needs the picture that the frames share.
-    if (effect == "vibration")
+    switch (find_effect(effect).finished_need) {
+    case FinishedNeed::kNothing:
+        return true;
+    case FinishedNeed::kSharedPicture:
         return self.is_one_light(sequence);
-    if (effect != "depolarization" || of.moving)
-        return effect != "depolarization" || of.frame_count >= 4;
+    case FinishedNeed::kSecondPattern:
+        break;
+    }
+    if (of.moving)
+        return of.frame_count >= 4;
     for (std::size_t m = 0; m < self.layout.sequences.size(); ++m)
         if (self.is_mixing_partner(sequence, m))
             return true;
@@ -376,12 +384,10 @@ std::vector<std::uint16_t> FinishedFrames::codes(std::size_t sequence, const std
         parted = self.part(sequence);
         std::vector<Image> light = parted.light;
         double mixing = 1.0; // of the read noise's variance
-        for (const EffectSetting &effect : here)
-            if (effect.id == "depolarization") {
-                const double p = effect.values.front();
-                light = self.mixed(sequence, parted, p);
-                mixing = of.moving ? 0.5 * (1.0 + p * p) : 0.25 * (1.0 + p) * (1.0 + p);
-            }
+        if (const double p = model.model.aperture.degree_of_polarization; p < self.layout.degree_of_polarization) {
+            light = self.mixed(sequence, parted, p);
+            mixing = of.moving ? 0.5 * (1.0 + p * p) : 0.25 * (1.0 + p) * (1.0 + p);
+        }
         const double shift = model.model.pipeline.vibration_rms_px;
         if (shift > 0.0) {
             const Image still = light.front();

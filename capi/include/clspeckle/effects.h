@@ -47,6 +47,32 @@ CLSP_API ClspStatus clspEffectGetCount(uint32_t *count);
 CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info);
 
 /**
+ * In which scenes an effect changes frames (*acts), and in which a diagnosis can tell it (*shows): bits 1 << CLSP_SCENE_*. Either may be NULL.
+ */
+CLSP_API ClspStatus clspEffectGetScenes(const char *id, uint32_t *acts, uint32_t *shows);
+
+/** What hosts ask of a camera that effects may change: where its codes end, and what its stages must hold. */
+typedef struct ClspCameraTraits {
+    uint32_t struct_size;        /**< Size of the struct as the caller knows it. */
+    uint32_t bits;               /**< Of the sensor, 1 to 16; default 10. No effect changes it. */
+    uint32_t effective_bits;     /**< As in ClspSensorDesc; 0 (default): bits. */
+    uint32_t polarization_count; /**< Of the phase, 1 or 2 (default). */
+    double fill_factor;          /**< Of the aperture; default 0. */
+    double saturation_dn;        /**< As in ClspSensorDesc, default infinity. */
+    double gamma;                /**< As in ClspSensorDesc, default 1. */
+    double cubic_nonlinearity;   /**< As in ClspSensorDesc, default 0. */
+    double ambient_dn;           /**< Constant light, default 0. */
+} ClspCameraTraits;
+
+/** The defaults of each member. */
+CLSP_API ClspStatus clspCameraTraitsInit(ClspCameraTraits *traits, uint32_t struct_size);
+/**
+ * Makes of a camera's traits what they are with an effect. `values` and `count` are those of clspPipelineSetEffect(). Needs no device; if it
+ * fails, *traits is as it was.
+ */
+CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values, uint32_t count, ClspCameraTraits *traits);
+
+/**
  * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds programs and
  * waits for the device. Only stages that the effect sets are made anew: a sensor draws its fixed patterns again and forgets the frame before
  * (image_lag), and depolarization of a phase with one polarization draws all phases in the next frame. After an error everything is as it was.

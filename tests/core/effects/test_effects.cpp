@@ -169,6 +169,58 @@ TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "index", clspEffectGetInfo(10000, &info));
 }
 
+TEST(EffectCatalogue, ScenesAreThoseOfTheRecords) {
+    std::uint32_t acts = 0, shows = 0;
+    EXPECT_CLSP_OK(clspEffectGetScenes("vignetting", &acts, &shows));
+    EXPECT_EQ(1u << CLSP_SCENE_FLAT | 1u << CLSP_SCENE_BOARD | 1u << CLSP_SCENE_DOTS, acts);
+    EXPECT_EQ(acts, shows);
+    EXPECT_CLSP_OK(clspEffectGetScenes("lens_distortion", &acts, nullptr));
+    EXPECT_EQ(1u << CLSP_SCENE_DOTS, acts);
+    EXPECT_CLSP_OK(clspEffectGetScenes("lens_distortion", nullptr, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "there is no effect", clspEffectGetScenes("smear", &acts, &shows));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "id", clspEffectGetScenes(nullptr, &acts, &shows));
+}
+
+TEST(EffectCatalogue, TraitsAreWhatTheRecordsSet) {
+    auto traits = clspeckle::make<ClspCameraTraits>();
+    traits.bits = 12;
+    traits.polarization_count = 1;
+    const auto change = [&](const char *id, std::vector<double> values) {
+        return clspEffectChangeTraits(id, values.data(), static_cast<std::uint32_t>(values.size()), &traits);
+    };
+    EXPECT_EQ(CLSP_SUCCESS, change("full_well", {900.0}));
+    EXPECT_EQ(CLSP_SUCCESS, change("gamma", {0.8}));
+    EXPECT_EQ(CLSP_SUCCESS, change("nonlinearity", {0.05}));
+    EXPECT_EQ(CLSP_SUCCESS, change("adc_bits", {9.0}));
+    EXPECT_EQ(CLSP_SUCCESS, change("ambient_light", {25.0}));
+    EXPECT_EQ(CLSP_SUCCESS, change("depolarization", {0.3}));
+    EXPECT_EQ(CLSP_SUCCESS, change("pixel_integration", {0.7}));
+    EXPECT_EQ(CLSP_SUCCESS, change("wavelength_shift", {3.0})); // nothing of it is a trait
+    EXPECT_EQ(900.0, traits.saturation_dn);
+    EXPECT_EQ(0.8, traits.gamma);
+    EXPECT_EQ(0.05, traits.cubic_nonlinearity);
+    EXPECT_EQ(9u, traits.effective_bits);
+    EXPECT_EQ(25.0, traits.ambient_dn);
+    EXPECT_EQ(2u, traits.polarization_count);
+    EXPECT_EQ(0.7, traits.fill_factor);
+    EXPECT_EQ(12u, traits.bits);
+
+    const ClspCameraTraits before = traits;
+    const double bits = 14.0, exponent = 20.0, none = 1.0;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "the sensor has 12",
+                      clspEffectChangeTraits("adc_bits", &bits, 1, &traits));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "there is no effect",
+                      clspEffectChangeTraits("smear", &none, 1, &traits));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "gamma", clspEffectChangeTraits("gamma", &exponent, 1, &traits));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "traits is NULL",
+                      clspEffectChangeTraits("gamma", nullptr, 0, nullptr));
+    EXPECT_EQ(0, std::memcmp(&before, &traits, sizeof traits));
+    traits.struct_size = 4;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size",
+                      clspEffectChangeTraits("gamma", nullptr, 0, &traits));
+    test::check_init("clspCameraTraitsInit", clspCameraTraitsInit);
+}
+
 TEST_F(Effects, EachChangesTheFramesAndClearingRestoresThem) {
     Handle plain;
     const ClspPipelineDesc d = desc();

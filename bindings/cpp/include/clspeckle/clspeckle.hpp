@@ -896,6 +896,18 @@ inline std::vector<ClspEffectInfo> effects() {
     return result;
 }
 
+/** clspEffectGetScenes(): where an effect acts; bits 1 << CLSP_SCENE_*. */
+inline std::uint32_t effect_scenes(const std::string &id) {
+    std::uint32_t acts = 0;
+    check(clspEffectGetScenes(id.c_str(), &acts, nullptr));
+    return acts;
+}
+
+/** clspEffectChangeTraits(). */
+inline void change_traits(ClspCameraTraits &traits, const std::string &id, const std::vector<double> &values) {
+    check(clspEffectChangeTraits(id.c_str(), values.data(), static_cast<std::uint32_t>(values.size()), &traits));
+}
+
 namespace detail {
 
 /** Entries of a list that a handle gives out one by one. */

@@ -18,6 +18,7 @@ inline void init(ClspCaptureSequence &value) { check(clspCaptureSequenceInit(&va
 inline void init(ClspCaptureSequenceInfo &value) { value.struct_size = sizeof(value); }
 inline void init(ClspDepthDesc &value) { check(clspDepthDescInit(&value, sizeof(value))); }
 inline void init(ClspDepthSummary &value) { value.struct_size = sizeof(value); }
+inline void init(ClspCameraTraits &value) { check(clspCameraTraitsInit(&value, sizeof(value))); }
 inline void init(ClspHypothesisFrame &value) { value.struct_size = sizeof(value); }
 inline void init(ClspHypothesis &value) { check(clspHypothesisInit(&value, sizeof(value))); }
 inline void init(ClspDiagnoseDesc &value) { check(clspDiagnoseDescInit(&value, sizeof(value))); }

@@ -231,23 +231,18 @@ class Converter:
     noise_dn: float
     effective_bits: int
     gamma: float
-    cubic: float
+    cubic_nonlinearity: float
     float_full_scale: float
 
-    def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Converter:
+    def with_traits(self, traits: Any) -> Converter:
         """As the effects of a pipeline change it."""
-        changed: dict[str, Any] = {
-            member: effects[effect][parameter]
-            for effect, parameter, member in (
-                ("full_well", "level_dn", "saturation_dn"),
-                ("gamma", "gamma", "gamma"),
-                ("nonlinearity", "cubic", "cubic"),
-            )
-            if effect in effects
-        }
-        if "adc_bits" in effects:
-            changed["effective_bits"] = round(effects["adc_bits"]["bits"])
-        return dataclasses.replace(self, **changed) if changed else self
+        return dataclasses.replace(
+            self,
+            saturation_dn=traits.saturation_dn,
+            effective_bits=traits.effective_bits,
+            gamma=traits.gamma,
+            cubic_nonlinearity=traits.cubic_nonlinearity,
+        )
 
     @property
     def top_dn(self) -> float:
@@ -260,7 +255,7 @@ class Converter:
         full = 2.0**self.bits - 1
         signal = self.saturation_dn
         if math.isfinite(signal):
-            signal *= 1 - self.cubic * min(signal / full, 1.0) ** 3
+            signal *= 1 - self.cubic_nonlinearity * min(signal / full, 1.0) ** 3
             signal = full * (signal / full) ** self.gamma
         return signal
 

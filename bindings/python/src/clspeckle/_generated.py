@@ -186,6 +186,14 @@ class ClspEffectInfo(Structure):
     ]
 
 
+class ClspCameraTraits(Structure):
+    _fields_ = [
+        ("struct_size", _u32), ("bits", _u32), ("effective_bits", _u32), ("polarization_count", _u32),
+        ("fill_factor", _f64), ("saturation_dn", _f64), ("gamma", _f64), ("cubic_nonlinearity", _f64),
+        ("ambient_dn", _f64),
+    ]
+
+
 class ClspHypothesisFrame(Structure):
     _fields_ = [
         ("struct_size", _u32), ("width", _u32), ("height", _u32), ("bits", _u32), ("sequence", _u32), ("scene", _u32),
@@ -622,6 +630,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspDepthGetPatternDots": (_void, _u64, _P(ClspDepthPatternDot), _P(_u64)),
     "clspEffectGetCount": (_P(_u32),),
     "clspEffectGetInfo": (_u32, _P(ClspEffectInfo)),
+    "clspEffectGetScenes": (_text, _P(_u32), _P(_u32)),
+    "clspCameraTraitsInit": (_P(ClspCameraTraits), _u32),
+    "clspEffectChangeTraits": (_text, _P(_f64), _u32, _P(ClspCameraTraits)),
     "clspPipelineSetEffect": (_void, _text, _P(_f64), _u32),
     "clspPipelineClearEffect": (_void, _text),
     "clspHypothesisInit": (_P(ClspHypothesis), _u32),
@@ -803,12 +814,12 @@ OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 STRUCTS: tuple[type[Structure], ...] = (
     ClspErrorInfo, ClspImage, ClspApertureDesc, ClspApertureInfo, ClspCaptureDesc, ClspCaptureSequence,
     ClspCaptureSequenceInfo, ClspDepthDesc, ClspDepthDot, ClspDepthPatternDot, ClspDepthSummary, ClspEffectParameter,
-    ClspEffectInfo, ClspHypothesisFrame, ClspHypothesis, ClspDiagnoseDesc, ClspDiagnosisSummary, ClspDiagnosisRanked,
-    ClspDiagnosisParameter, ClspDiagnosisPlace, ClspDiagnosisStep, ClspBeamProfile, ClspDoeDefects, ClspDoePatternDesc,
-    ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder, ClspDoeDesignDesc, ClspDoeDesignReport,
-    ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspInteropInfo, ClspLensDesc, ClspMaterial, ClspPatternDesc,
-    ClspGeometry, ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance,
-    ClspPhiloxDesc, ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming, ClspProfileInfo, ClspProfileEffect,
-    ClspProfileSequence, ClspProfileMap, ClspDeviceInfo, ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize,
-    ClspTuningDesc,
+    ClspEffectInfo, ClspCameraTraits, ClspHypothesisFrame, ClspHypothesis, ClspDiagnoseDesc, ClspDiagnosisSummary,
+    ClspDiagnosisRanked, ClspDiagnosisParameter, ClspDiagnosisPlace, ClspDiagnosisStep, ClspBeamProfile, ClspDoeDefects,
+    ClspDoePatternDesc, ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder, ClspDoeDesignDesc,
+    ClspDoeDesignReport, ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspInteropInfo, ClspLensDesc,
+    ClspMaterial, ClspPatternDesc, ClspGeometry, ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid,
+    ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc, ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming,
+    ClspProfileInfo, ClspProfileEffect, ClspProfileSequence, ClspProfileMap, ClspDeviceInfo, ClspContextDesc,
+    ClspContextInfo, ClspMoments, ClspTuningSize, ClspTuningDesc,
 )

@@ -31,6 +31,8 @@ _HOST_ONLY = {
     "clspDotLayoutCreate",
     "clspEffectGetCount",
     "clspEffectGetInfo",
+    "clspEffectGetScenes",
+    "clspEffectChangeTraits",
     "clspSensorDescFromProfile",
     "clspSensorMosaicFromBayer",
     "clspSensorDarkFrameFromCaptures",

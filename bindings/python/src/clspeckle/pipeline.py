@@ -33,6 +33,7 @@ from .aperture import Aperture
 from .diagnosis import Hypothesis, hypothesis_struct, hypothesis_values
 from .dots import Dots
 from .effect import Effect, effect_values, find_effect
+from .effect import effects as catalogue
 from .lens import Lens
 from .material import Material, MaterialTable
 from .motion import Motion, MotionInput, material_plane, motion_struct
@@ -557,10 +558,11 @@ class Pipeline(Stage):
             if sensor is None:
                 made = _doubts.Exposure(None, 0.0, 0.0, passed, ambient)
             else:
-                gain = sensor._exposure_gain_dn
-                if "ambient_light" in self._effects and gain > 0:
-                    ambient = self._effects["ambient_light"]["level_dn"] / gain
-                converter = sensor._converter.with_effects(self._effects)
+                gain, converter = sensor._exposure_gain_dn, sensor._converter
+                if self._effects:
+                    traits = self._traits(converter, ambient * gain)
+                    ambient = traits.ambient_dn / gain if gain > 0 else ambient
+                    converter = converter.with_traits(traits)
                 made = _doubts.Exposure(converter, gain, sensor._dn_per_photon, passed, ambient)
             self._judged_by = (camera, made)
         return self._judged_by[1]
@@ -848,7 +850,17 @@ class Pipeline(Stage):
     def _after_effects(self) -> None:
         """What the stages' objects remember of their descriptions, and how frames are judged."""
         self._judged_by = self._looked_up = None
-        self.phase.polarization_count = 2 if "depolarization" in self._effects else self._polarization_count
+        self.phase.polarization_count = self._traits().polarization_count
+
+    def _traits(self, converter: _doubts.Converter | None = None, ambient_dn: float = 0.0) -> Any:
+        """What the effects make of the camera, as far as it is asked for."""
+        traits = _library.initialized(_library.ClspCameraTraits)
+        traits.polarization_count, traits.ambient_dn = self._polarization_count, ambient_dn
+        traits.bits = traits.effective_bits = 16 if converter is None else converter.bits
+        if converter is not None:
+            for name in ("effective_bits", "saturation_dn", "gamma", "cubic_nonlinearity"):
+                setattr(traits, name, getattr(converter, name))
+        return _changed_by(traits, {effect: list(values.values()) for effect, values in self._effects.items()})
 
     @property
     def effects(self) -> dict[str, dict[str, float]]:
@@ -1091,9 +1103,22 @@ def of_one_frame(parameters: PipelineParameters) -> PipelineParameters:
     """The same with one polarization where the second has no light: it would be drawn in vain. The frame's bits stay
     the same, as each polarization has numbers of its own."""
     polarized = parameters.get("degree_of_polarization") in (None, 1) and not parameters.get("polarization_count")
-    if not polarized or "depolarization" in (parameters.get("effects") or {}) or "field" in parameters:
+    effects = parameters.get("effects") or {}
+    known: dict[str, list[float]] = {effect.id: [] for effect in catalogue() if effect.id in effects}
+    traits = _library.initialized(_library.ClspCameraTraits)
+    traits.polarization_count = 1
+    _changed_by(traits, known)
+    if not polarized or traits.polarization_count > 1 or "field" in parameters:
         return parameters
     return {**parameters, "polarization_count": 1}
+
+
+def _changed_by(traits: Any, effects: Mapping[str, Sequence[float]]) -> Any:
+    """What effects make of a camera's traits. No values: those between weak and strong."""
+    for effect, values in effects.items():
+        given = (ctypes.c_double * len(values))(*values) if values else None
+        _library.call("clspEffectChangeTraits", effect.encode(), given, len(values), ctypes.byref(traits))
+    return traits
 
 
 def _hashable(value: Any) -> Any:
@@ -1158,8 +1183,9 @@ def simulate(
     if len(shape) == 3:
         _doubts.of_frames_behind(shape, "ideal")
     key: Any = (size, output, _hashable(parameters))
-    # Air that has moved on would make the next result depend on this one.
-    if parameters.get("airflow_rms_rad") or "airflow" in (parameters.get("effects") or {}):
+    # What has moved on would make the next result depend on this one.
+    given = parameters.get("effects") or {}
+    if parameters.get("airflow_rms_rad") or any(e.stage == "motion" and e.id in given for e in catalogue()):
         key = None
     try:
         hash(key)

@@ -416,7 +416,7 @@ def _converter(desc: _library.ClspSensorDesc, options: Mapping[str, Any]) -> _do
         noise_dn=desc.read_noise_dn,
         effective_bits=desc.effective_bits or desc.bits,
         gamma=desc.gamma,
-        cubic=desc.cubic_nonlinearity,
+        cubic_nonlinearity=desc.cubic_nonlinearity,
         float_full_scale=desc.float_full_scale,
     )
 
