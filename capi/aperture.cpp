@@ -21,7 +21,7 @@ CLSP_ENUM(Normalization, kUnitMean, CLSP_NORMALIZATION_TRANSMISSION, CLSP_NORMAL
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kApertureFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.oversampling, p.oversampling);
@@ -50,7 +50,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspApertureDesc aperture_defaults() {
-    return to_c<ClspApertureDesc>(kFields, ApertureParameters());
+    return to_c<ClspApertureDesc>(kApertureFields, ApertureParameters());
 }
 
 } // namespace
@@ -58,7 +58,7 @@ ClspApertureDesc aperture_defaults() {
 ApertureParameters clsp::capi::aperture_parameters(const ClspApertureDesc *user, const char *name) {
     const ClspApertureDesc d = read_struct(user, aperture_defaults(), name);
     check_reserved(d.reserved_blades, (std::string(name) + "->reserved_blades").c_str());
-    return from_c<ApertureParameters>(kFields, d);
+    return from_c<ApertureParameters>(kApertureFields, d);
 }
 
 extern "C" {

@@ -33,7 +33,7 @@ namespace {
 static_assert(CLSP_MAX_CAPTURE_NAME == kMaxSequenceName + 1, "the engine's limit and the API's must agree");
 static_assert(CLSP_MAX_DOTS == kMaxCaptureDots, "the engine's limit and the API's must agree");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kCaptureFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.bits, p.bits);
@@ -67,7 +67,7 @@ ClspCaptureSequence sequence_defaults() {
 
 CaptureLayout capture_layout(const ClspCaptureDesc *user) {
     const ClspCaptureDesc d = read_struct(user, capture_defaults(), "desc");
-    auto layout = from_c<CaptureLayout>(kFields, d);
+    auto layout = from_c<CaptureLayout>(kCaptureFields, d);
     layout.principal_point_px = {(d.width - 1.0) / 2.0, (d.height - 1.0) / 2.0};
     if (checked_flag(d.principal_point_given, "desc->principal_point_given"))
         layout.principal_point_px = {d.principal_point_x_px, d.principal_point_y_px};
@@ -217,7 +217,7 @@ CLSP_API ClspStatus clspCaptureWrite(ClspCapture capture, const char *path, uint
 CLSP_API ClspStatus clspCaptureGetDesc(ClspCapture capture, ClspCaptureDesc *desc) {
     return guarded("clspCaptureGetDesc", [&] {
         const auto c = object(capture);
-        auto result = to_c<ClspCaptureDesc>(kFields, c->layout);
+        auto result = to_c<ClspCaptureDesc>(kCaptureFields, c->layout);
         result.principal_point_given = 1;
         result.principal_point_x_px = c->layout.principal_point_px[0];
         result.principal_point_y_px = c->layout.principal_point_px[1];

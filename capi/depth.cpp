@@ -39,7 +39,7 @@ static_assert(CLSP_DEPTH_WARNING_NO_DOTS == kWarningNoDots && CLSP_DEPTH_WARNING
               "kWarning* and CLSP_DEPTH_WARNING_* must agree");
 static_assert(sizeof(ClspDepthDot) == 232 && sizeof(ClspDepthPatternDot) == 8, "frozen");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kDepthFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.detector.width);
     field(d.height, p.detector.height);
     field(d.max_dots, p.detector.max_dots);
@@ -68,13 +68,13 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspDepthDesc depth_defaults() {
-    return to_c<ClspDepthDesc>(kFields, DepthParameters());
+    return to_c<ClspDepthDesc>(kDepthFields, DepthParameters());
 }
 
 DepthParameters depth_parameters(const ClspDepthDesc *user) {
     const ClspDepthDesc d = read_struct(user, depth_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    return from_c<DepthParameters>(kFields, d);
+    return from_c<DepthParameters>(kDepthFields, d);
 }
 
 template <std::size_t count> void assign(double (&to)[count], const std::array<double, count> &from) {

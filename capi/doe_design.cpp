@@ -26,7 +26,7 @@ static_assert(kLargestDoeSide == CLSP_MAX_DOE_SIDE && kLargestDoeLevels == CLSP_
                   kMostDoeOrders == CLSP_MAX_DOE_ORDERS,
               "the engine's limits are those of doe_design.h");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kDoeDesignFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.levels, p.levels);
@@ -45,13 +45,13 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspDoeDesignDesc design_defaults() {
-    return to_c<ClspDoeDesignDesc>(kFields, DoeDesignParameters());
+    return to_c<ClspDoeDesignDesc>(kDoeDesignFields, DoeDesignParameters());
 }
 
 DoeDesignParameters design_parameters(const ClspDoeDesignDesc *user) {
     const ClspDoeDesignDesc d = read_struct(user, design_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    auto p = from_c<DoeDesignParameters>(kFields, d);
+    auto p = from_c<DoeDesignParameters>(kDoeDesignFields, d);
     if (d.order_count > kMostDoeOrders)
         throw Error(Status::kInvalidArgument,
                     fmt::format("desc->order_count is {}, at most {} are taken", d.order_count, kMostDoeOrders));

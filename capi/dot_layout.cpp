@@ -15,7 +15,7 @@ namespace {
 
 static_assert(kMostLayoutDots == CLSP_MAX_LAYOUT_DOTS, "the engine's limit is that of dot_layout.h");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kDotLayoutFields = [](auto field, auto &d, auto &p) {
     field(d.lattice, p.lattice, "desc->lattice");
     field(d.count, p.count);
     field(d.seed, p.seed);
@@ -36,7 +36,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspDotLayoutDesc layout_defaults() {
-    return to_c<ClspDotLayoutDesc>(kFields, DotLayoutParameters());
+    return to_c<ClspDotLayoutDesc>(kDotLayoutFields, DotLayoutParameters());
 }
 
 } // namespace
@@ -52,7 +52,7 @@ CLSP_API ClspStatus clspDotLayoutCreate(const ClspDotLayoutDesc *desc, double *d
         required(directions, "directions");
         if (info)
             check_struct_size(info->struct_size, kFirstSize<ClspDotLayoutInfo>, "info");
-        auto p = from_c<DotLayoutParameters>(kFields, d);
+        auto p = from_c<DotLayoutParameters>(kDotLayoutFields, d);
         p.progress = progress_function(d.progress, d.progress_data);
         if (!p.lattice && orders)
             throw Error(Status::kInvalidArgument,

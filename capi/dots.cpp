@@ -15,7 +15,7 @@ namespace {
 
 static_assert(CLSP_MAX_DOTS == kMaxDots, "the engine's limit and the API's must agree");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kDotsFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.count, p.count);
@@ -34,7 +34,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspDotsDesc dots_defaults() {
-    return to_c<ClspDotsDesc>(kFields, DotsParameters());
+    return to_c<ClspDotsDesc>(kDotsFields, DotsParameters());
 }
 
 // An optional point with the flag that says whether it is meant.
@@ -52,7 +52,7 @@ std::optional<Vector2> optional_point(std::uint32_t given, double x, double y, c
 DotsParameters dots_parameters(const ClspDotsDesc *user) {
     const ClspDotsDesc d = read_struct(user, dots_defaults(), "desc");
     check_reserved(d.reserved, "desc->reserved");
-    auto p = from_c<DotsParameters>(kFields, d);
+    auto p = from_c<DotsParameters>(kDotsFields, d);
     p.principal_point_px =
         optional_point(d.principal_point_given, d.principal_point_x_px, d.principal_point_y_px, "principal_point");
     p.ghost_offset_px = optional_point(d.ghost_offset_given, d.ghost_offset_x_px, d.ghost_offset_y_px, "ghost_offset");

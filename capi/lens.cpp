@@ -21,7 +21,7 @@ CLSP_ENUM(Interpolation, kCubic, CLSP_INTERPOLATION_NEAREST, CLSP_INTERPOLATION_
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kLensFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.radius_unit, p.radius_unit, "desc->radius_unit");
@@ -43,11 +43,11 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspLensDesc lens_defaults() {
-    return to_c<ClspLensDesc>(kFields, LensParameters());
+    return to_c<ClspLensDesc>(kLensFields, LensParameters());
 }
 
 LensParameters lens_parameters(const ClspLensDesc *desc) {
-    return from_c<LensParameters>(kFields, read_struct(desc, lens_defaults(), "desc"));
+    return from_c<LensParameters>(kLensFields, read_struct(desc, lens_defaults(), "desc"));
 }
 
 // All points are checked before the first one is written, as input and output may be the same.

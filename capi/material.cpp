@@ -12,7 +12,7 @@ using namespace clsp::capi;
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kMaterialFields = [](auto field, auto &d, auto &p) {
     field(d.roughness_rms_m, p.roughness_rms_m);
     field(d.degree_of_polarization, p.degree_of_polarization);
     field(d.correlation_time_s, p.correlation_time_s);
@@ -23,7 +23,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspMaterial material_defaults() {
-    return to_c<ClspMaterial>(kFields, Material());
+    return to_c<ClspMaterial>(kMaterialFields, Material());
 }
 
 } // namespace
@@ -55,7 +55,7 @@ CLSP_API ClspStatus clspMaterialTableCreate(ClspContext context, const ClspMater
                                         i, entry->struct_size, stride));
             const ClspMaterial m = read_struct(entry, material_defaults(), "materials");
             check_reserved(m.reserved, "materials->reserved");
-            list.push_back(from_c<Material>(kFields, m));
+            list.push_back(from_c<Material>(kMaterialFields, m));
         }
         give(table, std::make_shared<MaterialTable>(c, std::move(list)));
     });

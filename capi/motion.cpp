@@ -16,7 +16,7 @@ CLSP_ENUM(MotionRule, kReplace, CLSP_MOTION_CORRELATE, CLSP_MOTION_REPLACE)
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kMotionFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.rule, p.rule, "desc->rule");
@@ -31,7 +31,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspMotionDesc motion_defaults() {
-    return to_c<ClspMotionDesc>(kFields, MotionParameters());
+    return to_c<ClspMotionDesc>(kMotionFields, MotionParameters());
 }
 
 ClspMotionInput input_defaults() {
@@ -85,7 +85,7 @@ CLSP_API ClspStatus clspMotionCreate(ClspContext context, const ClspMotionDesc *
         const auto c = object(context);
         required(motion, "motion");
         const ClspMotionDesc d = read_struct(desc, motion_defaults(), "desc");
-        auto p = from_c<MotionParameters>(kFields, d);
+        auto p = from_c<MotionParameters>(kMotionFields, d);
         Parts parts;
         p.materials = optional_part(d.materials, parts);
         give(motion, std::make_shared<Motion>(c, p), parts);

@@ -18,7 +18,7 @@ CLSP_ENUM(PatternFilter, kArea, CLSP_FILTER_BILINEAR, CLSP_FILTER_AREA)
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kPatternFields = [](auto field, auto &d, auto &p) {
     field(d.projection, p.projection, "desc->projection");
     field(d.quantity, p.quantity, "desc->quantity");
     field(d.width, p.width);
@@ -34,7 +34,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspPatternDesc pattern_defaults() {
-    return to_c<ClspPatternDesc>(kFields, PatternParameters());
+    return to_c<ClspPatternDesc>(kPatternFields, PatternParameters());
 }
 
 ClspGeometry geometry_defaults() {
@@ -84,7 +84,7 @@ CLSP_API ClspStatus clspPatternCreate(ClspContext context, const ClspPatternDesc
         required(pattern, "pattern");
         const ClspPatternDesc d = read_struct(desc, pattern_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        give(pattern, std::make_shared<Pattern>(c, from_c<PatternParameters>(kFields, d)));
+        give(pattern, std::make_shared<Pattern>(c, from_c<PatternParameters>(kPatternFields, d)));
     });
 }
 

@@ -16,7 +16,7 @@ CLSP_ENUM(Dynamics, kContinuous, CLSP_DYNAMICS_REPLACE, CLSP_DYNAMICS_CONTINUOUS
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kPhaseFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.oversampling, p.oversampling);
@@ -29,7 +29,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspPhaseDesc phase_defaults() {
-    return to_c<ClspPhaseDesc>(kFields, PhaseParameters());
+    return to_c<ClspPhaseDesc>(kPhaseFields, PhaseParameters());
 }
 
 constexpr auto kAdvanceFields = [](auto field, auto &d, auto &p) {
@@ -63,7 +63,7 @@ CLSP_API ClspStatus clspPhaseCreate(ClspContext context, const ClspPhaseDesc *de
         required(phase, "phase");
         const ClspPhaseDesc d = read_struct(desc, phase_defaults(), "desc");
         check_reserved(d.reserved, "desc->reserved");
-        give(phase, std::make_shared<Phase>(c, from_c<PhaseParameters>(kFields, d)));
+        give(phase, std::make_shared<Phase>(c, from_c<PhaseParameters>(kPhaseFields, d)));
     });
 }
 

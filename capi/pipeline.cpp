@@ -24,7 +24,7 @@ CLSP_ENUM(Illumination, kDark, CLSP_ILLUMINATION_LASER, CLSP_ILLUMINATION_INCOHE
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kPipelineFields = [](auto field, auto &d, auto &p) {
     field(d.seed, p.seed);
     field(d.line_count, p.line_count);
     field(d.sub_exposures, p.sub_exposures);
@@ -45,7 +45,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspPipelineDesc pipeline_defaults() {
-    return to_c<ClspPipelineDesc>(kFields, PipelineParameters());
+    return to_c<ClspPipelineDesc>(kPipelineFields, PipelineParameters());
 }
 
 ClspFrame frame_defaults() {
@@ -108,7 +108,8 @@ CLSP_API ClspStatus clspPipelineCreate(ClspContext context, const ClspPipelineDe
         stages.aperture = optional_part(d.aperture, parts);
         stages.lens = optional_part(d.lens, parts);
         stages.sensor = optional_part(d.sensor, parts);
-        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), from_c<PipelineParameters>(kFields, d)), parts);
+        const auto parameters = from_c<PipelineParameters>(kPipelineFields, d);
+        give(pipeline, std::make_shared<Pipeline>(c, std::move(stages), parameters), parts);
     });
 }
 

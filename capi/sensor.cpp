@@ -29,7 +29,7 @@ CLSP_ENUM(Bayer, kGbrg, CLSP_BAYER_RGGB, CLSP_BAYER_BGGR, CLSP_BAYER_GRBG, CLSP_
 
 namespace {
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kSensorFields = [](auto field, auto &d, auto &p) {
     field(d.width, p.width);
     field(d.height, p.height);
     field(d.bits, p.bits);
@@ -85,7 +85,7 @@ constexpr auto kFields = [](auto field, auto &d, auto &p) {
 };
 
 ClspSensorDesc desc_of(const SensorDatasheet &datasheet) {
-    return to_c<ClspSensorDesc>(kFields, datasheet);
+    return to_c<ClspSensorDesc>(kSensorFields, datasheet);
 }
 
 } // namespace
@@ -94,7 +94,7 @@ SensorParameters clsp::capi::sensor_parameters(const ClspSensorDesc *user, const
     const ClspSensorDesc d = read_struct(user, desc_of({}), name);
     check_reserved(d.reserved, (std::string(name) + "->reserved").c_str());
     check_reserved(d.reserved_telegraph, (std::string(name) + "->reserved_telegraph").c_str());
-    return from_c<SensorDatasheet>(kFields, d).parameters();
+    return from_c<SensorDatasheet>(kSensorFields, d).parameters();
 }
 
 extern "C" {

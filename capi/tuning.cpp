@@ -24,19 +24,19 @@ namespace {
 static_assert(kMostTunedSizes == CLSP_MAX_TUNING_SIZES && kMostTunedFrames == CLSP_MAX_TUNING_FRAMES,
               "the engine's limits are those of tuning.h");
 
-constexpr auto kFields = [](auto field, auto &d, auto &p) {
+constexpr auto kTuningFields = [](auto field, auto &d, auto &p) {
     field(d.frames, p.frames);
     field(d.relative_diameter, p.relative_diameter);
     field(d.keep, p.keep, "desc->keep");
 };
 
 ClspTuningDesc tuning_defaults() {
-    return to_c<ClspTuningDesc>(kFields, TuneParameters());
+    return to_c<ClspTuningDesc>(kTuningFields, TuneParameters());
 }
 
 TuneParameters tuning_parameters(const ClspTuningDesc *user) {
     const ClspTuningDesc d = user ? read_struct(user, tuning_defaults(), "desc") : tuning_defaults();
-    auto p = from_c<TuneParameters>(kFields, d);
+    auto p = from_c<TuneParameters>(kTuningFields, d);
     if (d.path && !*d.path)
         throw Error(Status::kInvalidArgument, "desc->path is empty; name a file, or give NULL for the default one");
     if (d.path && !p.keep)

@@ -1,6 +1,7 @@
 /**
  * @file half.hpp
- * @brief IEEE 754 half precision to single, exactly; here because the readers must not depend on OpenEXR's Imath.
+ * @brief Numbers of files as single precision. Half precision (IEEE 754) is exact, and here because the readers must not
+ *        depend on OpenEXR's Imath.
  */
 #ifndef CLSPECKLE_TOOLS_IMAGE_IO_HALF_HPP
 #define CLSPECKLE_TOOLS_IMAGE_IO_HALF_HPP
@@ -9,6 +10,13 @@
 #include <cstring>
 
 namespace image_io::detail {
+
+/** A number of a file, in host order. */
+template <typename T> float to_float(const unsigned char *bytes) {
+    T value;
+    std::memcpy(&value, bytes, sizeof(T));
+    return static_cast<float>(value);
+}
 
 /** From two bytes in host order. */
 inline float half_to_float(const unsigned char *bytes) {

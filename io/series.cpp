@@ -51,7 +51,7 @@ std::string skeleton_of(const std::vector<std::string> &parts) {
 /** Names of one skeleton, by their parts. */
 using Group = std::vector<std::vector<std::string>>;
 
-std::string joined(const std::vector<std::string> &parts) {
+std::string concatenated(const std::vector<std::string> &parts) {
     std::string result;
     for (const std::string &part : parts)
         result += part;
@@ -95,7 +95,7 @@ std::string pattern_of(const Group &group, const std::vector<std::string> &all) 
     };
     std::set<std::string> own;
     for (const auto &parts : group)
-        own.insert(joined(parts));
+        own.insert(concatenated(parts));
     const auto fits = [&](const std::string &pattern) {
         return std::all_of(all.begin(), all.end(), [&](const std::string &name) {
             return (::fnmatch(pattern.c_str(), name.c_str(), FNM_PERIOD) == 0) == (own.count(name) > 0);
@@ -221,7 +221,7 @@ std::vector<Series> series_of(const std::vector<std::string> &names) {
     for (const Group &group : single) {
         Series series{pattern_of(group, names), {}};
         for (const auto &parts : group)
-            series.names.push_back(joined(parts));
+            series.names.push_back(concatenated(parts));
         std::sort(series.names.begin(), series.names.end(), natural_less);
         result.push_back(std::move(series));
     }

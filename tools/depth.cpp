@@ -53,10 +53,6 @@ std::vector<std::string> warnings_of(const DepthFrame &frame) {
     return texts;
 }
 
-Json or_null(double value) {
-    return std::isfinite(value) ? Json(value) : Json();
-}
-
 Json to_json(const DepthFrame &frame) {
     const ClspDepthSummary &s = frame.result.summary;
     return {{"file", frame.name},

@@ -22,13 +22,6 @@ constexpr double bar_cells = 40;
 // Of the level: at what a residual is tested, as there are several models to a capture (docs/method/diagnosis.md).
 constexpr double residual_part = 0.25;
 
-std::string joined(const std::vector<std::string> &words, const std::string &last) {
-    std::string text;
-    for (std::size_t i = 0; i < words.size(); ++i)
-        text += (i == 0 ? "" : i + 1 < words.size() ? ", " : " " + last + " ") + words[i];
-    return text;
-}
-
 std::vector<std::string> words(const Json &list) {
     std::vector<std::string> result;
     for (const Json &word : list)
@@ -41,7 +34,7 @@ std::string reach_text(const Json &coverage) {
     std::string text;
     const auto add = [&](const char *what, const char *key) {
         if (!coverage[key].empty())
-            text += wrapped(fmt::format("{} {}", what, joined(words(coverage[key]), "and")), "  ") + "\n";
+            text += wrapped(fmt::format("{} {}", what, joined(words(coverage[key]), " and ")), "  ") + "\n";
     };
     add("not judged:", "left_out");
     add("effects that cannot show in these sequences:", "effects_not_visible");
@@ -60,18 +53,18 @@ std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagno
                                    "tells camera and "
                                    "simulator apart.",
                                    summary.level, coverage["statistics"].get<std::uint64_t>(),
-                                   sequences.empty() ? "" : " of " + joined(sequences, "and")),
+                                   sequences.empty() ? "" : " of " + joined(sequences, " and ")),
                        "") +
                "\n\n" + reach_text(coverage);
     }
     case CLSP_VERDICT_NAMED:
         return fmt::format("NAMED: the gap between camera and simulator is explained by {} (probability {:.2f}).",
-                           joined(effects, "and"), summary.probability);
+                           joined(effects, " and "), summary.probability);
     case CLSP_VERDICT_AMBIGUOUS: {
         std::string text =
-            fmt::format("AMBIGUOUS: the data cannot tell {} apart.", joined(diagnosis.equivalents(), "and"));
+            fmt::format("AMBIGUOUS: the data cannot tell {} apart.", joined(diagnosis.equivalents(), " and "));
         if (!effects.empty())
-            text += fmt::format(" The gap is explained with {}.", joined(effects, "and"));
+            text += fmt::format(" The gap is explained with {}.", joined(effects, " and "));
         return text;
     }
     default:
@@ -79,9 +72,9 @@ std::string verdict_text(const clspeckle::Diagnosis &diagnosis, const ClspDiagno
     }
     std::string text = "UNKNOWN: a significant part of the gap is explained by no effect of the catalogue.";
     if (!effects.empty())
-        text += fmt::format(" Beside it {} {} found.", joined(effects, "and"), effects.size() == 1 ? "was" : "were");
+        text += fmt::format(" Beside it {} {} found.", joined(effects, " and "), effects.size() == 1 ? "was" : "were");
     if (summary.equivalent_count > 0)
-        text += fmt::format(" The data cannot tell {} apart.", joined(diagnosis.equivalents(), "and"));
+        text += fmt::format(" The data cannot tell {} apart.", joined(diagnosis.equivalents(), " and "));
     return text;
 }
 
@@ -225,7 +218,7 @@ std::string illumination_text(const Json &report) {
     for (const Json &drift : found["lamp_drifts"])
         parts.push_back(fmt::format("a lamp that varies by {:.2g} % from frame to frame of {}",
                                     percent(drift["deviation"]), drift["sequence"].get<std::string>()));
-    return parts.empty() ? "" : wrapped("Light of the lab, which is no gap: " + joined(parts, "and"), "") + "\n";
+    return parts.empty() ? "" : wrapped("Light of the lab, which is no gap: " + joined(parts, " and "), "") + "\n";
 }
 
 /** Each scene by itself. */
@@ -238,7 +231,8 @@ std::string rungs_text(const Json &cause) {
         rows.push_back({rung["rung"].get<std::string>(), rung["verdict"].get<std::string>(),
                         fmt::format("{:.3g}", rung["distance_before"].get<double>()),
                         fmt::format("{:.3g}", rung["distance_after"].get<double>()),
-                        probability_text(rung["residual_p_value"].get<double>()), joined(words(rung["effects"]), "and")});
+                        probability_text(rung["residual_p_value"].get<double>()),
+                        joined(words(rung["effects"]), " and ")});
     return "Scene by scene, from the back of the light path\n" + table(rows, "  ") + "\n";
 }
 
@@ -337,7 +331,7 @@ std::string emva_text(const Json &emva) {
     }
     std::string text;
     if (!parts.empty())
-        text = wrapped("EMVA 1288, of the frames alone: " + joined(parts, "and"), "") + "\n";
+        text = wrapped("EMVA 1288, of the frames alone: " + joined(parts, " and "), "") + "\n";
     for (const Json &note : emva["notes"])
         text += wrapped((note["sequence"].is_null() ? "" : note["sequence"].get<std::string>() + ": ") +
                             note["text"].get<std::string>(),
@@ -379,7 +373,7 @@ std::string comparison_text(const Json &compare) {
     std::string text = "Compared\n" + table(rows, "  ") + "\n";
     if (!refused.empty())
         text += wrapped("Effects that cannot be put on finished frames, and are no candidates (--json says why): " +
-                            joined(refused, "and"),
+                            joined(refused, " and "),
                         "") +
                 "\n";
     return text;
@@ -395,7 +389,7 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         text =
             wrapped(fmt::format("NOTHING COULD BE JUDGED of light: every sequence that has some was left out ({}; the "
                                 "notes say why). What follows is about dark frames alone.",
-                                joined(words(report["coverage"]["left_out"]), "and")),
+                                joined(words(report["coverage"]["left_out"]), " and ")),
                     "") +
             "\n\n";
     text += verdict_text(diagnosis, summary, report["coverage"]) + "\n";
@@ -432,7 +426,7 @@ std::string diagnosis_summary(const clspeckle::Diagnosis &diagnosis) {
         std::vector<std::string> separates;
         for (const Json &id : advice["separates"])
             separates.push_back(id.get<std::string>());
-        text += fmt::format("  {} would be told apart by: {}\n", joined(separates, "and"),
+        text += fmt::format("  {} would be told apart by: {}\n", joined(separates, " and "),
                             advice["capture"].get<std::string>());
     }
     if (report.contains("paste") && summary.step_count > 0)

@@ -7,6 +7,8 @@
 
 #include "io/json_file.hpp"
 
+#include <cmath>
+
 namespace tools {
 
 using Json = image_io::Json;
@@ -17,6 +19,11 @@ std::string json_document(const Json &root, int indent);
 using image_io::JsonDocument;
 using image_io::read_json;
 using image_io::shown;
+
+/** null where a number is not finite. */
+inline Json or_null(double value) {
+    return std::isfinite(value) ? Json(value) : Json();
+}
 
 } // namespace tools
 

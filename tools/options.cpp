@@ -277,13 +277,6 @@ std::vector<Option> make_table() {
     return table;
 }
 
-std::string joined(const std::vector<std::string> &words, const char *last) {
-    std::string text;
-    for (std::size_t i = 0; i < words.size(); ++i)
-        text += (i == 0 ? "" : i + 1 == words.size() ? last : ", ") + words[i];
-    return text;
-}
-
 [[noreturn]] void refuse(const Option &o, const Json &value, const std::string &where) {
     std::string wanted = o.range();
     switch (o.kind) {

@@ -231,10 +231,6 @@ class Analyzer {
     Buffer mask_;
 };
 
-Json or_null(double value) {
-    return std::isfinite(value) ? Json(value) : Json();
-}
-
 Json to_json(const Row &row) {
     Json json = {{"file", row.name},
                  {"width", row.width},

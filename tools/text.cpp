@@ -30,6 +30,13 @@ std::string percent(double share) {
     return share < 1e-3 ? fmt::format("{:.2g} %", 100 * share) : fmt::format("{:.2f} %", 100 * share);
 }
 
+std::string joined(const std::vector<std::string> &words, const char *last) {
+    std::string text;
+    for (std::size_t i = 0; i < words.size(); ++i)
+        text += (i == 0 ? "" : i + 1 == words.size() ? last : ", ") + words[i];
+    return text;
+}
+
 std::string wrapped(const std::string &text, const std::string &indent, std::size_t width) {
     std::istringstream words(text);
     std::string result;

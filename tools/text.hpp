@@ -17,6 +17,9 @@ std::string table(const std::vector<std::vector<std::string>> &rows, const std::
 /** "0.25 %": two digits behind the point, or as many as show that it is not 0. */
 std::string percent(double share);
 
+/** Words with commas, and `last` before the last one: " and ". */
+std::string joined(const std::vector<std::string> &words, const char *last);
+
 /** Words broken into lines that begin with an indent. */
 std::string wrapped(const std::string &text, const std::string &indent, std::size_t width = 110);
 

@@ -19,7 +19,7 @@ constexpr std::size_t kLeastDotsForLines = 16;
 constexpr double kTooFar = 2.0, kLeastLineError = 0.05; // px
 constexpr double kNormalMedian = 0.6745;                // of |x| of a normal law, in standard deviations
 
-double median(std::vector<double> values) {
+double upper_median(std::vector<double> values) {
     if (values.empty())
         return kNan;
     const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
@@ -91,10 +91,10 @@ DepthSummary summarize(const DepthResult &result, bool has_pattern) {
     }
     for (const PatternDot &dot : result.pattern)
         s.in_view += dot.reason != DepthReason::kOutOfView;
-    s.median_epipolar_error_px = median(errors);
-    s.expected_epipolar_error_px = median(expected);
-    s.median_sigma_px = median(sigmas);
-    s.median_centre_sd_px = median(sds);
+    s.median_epipolar_error_px = upper_median(errors);
+    s.expected_epipolar_error_px = upper_median(expected);
+    s.median_sigma_px = upper_median(sigmas);
+    s.median_centre_sd_px = upper_median(sds);
     if (s.detected == 0)
         s.warnings |= kWarningNoDots;
     if (10 * s.saturated > s.detected)

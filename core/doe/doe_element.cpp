@@ -2,6 +2,7 @@
 
 #include "runtime/checks.hpp"
 #include "runtime/image_view.hpp"
+#include "stages/dots.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +12,6 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint64_t kMaxDots = 1000000;
 
 void check_design(const DoePatternParameters &p) {
     if (p.width < 1 || p.height < 1 || p.width > kMaxDoeSide || p.height > kMaxDoeSide)

@@ -15,7 +15,7 @@ namespace {
 constexpr double kQuarterTurn = 1.5707963267948966; // in radians
 // The densest packing of discs, and how much of the least distance that just fits the automatic one takes.
 constexpr double kHexagonal = 1.0745699318235418;
-constexpr double kSlack = 0.95;
+constexpr double kCloser = 0.95;
 constexpr int kBisections = 12;
 // Shares of the progress: finding places, comparing neighbourhoods for the first time.
 constexpr double kPlacing = 0.3, kFirstLook = 0.5;
@@ -169,7 +169,7 @@ double possible_distance(DotLayoutParameters p, const Region &region) {
     p.min_distance = p.beam_diameter_m = 0.0;
     double distance = 0.0;
     place(p, region, distance);
-    for (;; distance *= kSlack) {
+    for (;; distance *= kCloser) {
         const double told = std::stod(fmt::format("{:.3e}", distance));
         if (draw(p, region, told, [] {}).size() == p.count)
             return told;
@@ -200,7 +200,7 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
         const double middle = 0.5 * (low + high);
         (draw(p, region, middle, tell).size() == p.count ? low : high) = middle;
     }
-    distance = low * kSlack;
+    distance = low * kCloser;
     if (distance < least)
         throw Error(
             Status::kInvalidArgument,

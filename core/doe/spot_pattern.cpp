@@ -2,6 +2,7 @@
 #include "doe/doe_pattern.hpp"
 #include "doe/power_budget.hpp"
 #include "runtime/checks.hpp"
+#include "stages/dots.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +11,6 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint64_t kMaxDots = 1000000;
 
 // The table at fractional node (x, y); constant beyond its edges.
 double spot_sum(const SpotShape &spot, double x, double y) {

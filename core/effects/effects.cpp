@@ -29,7 +29,7 @@ SensorParameters &sensor(Model &model, const char *effect) { return needed(model
 // to each other the same light takes an s that is larger by up to 4 %.
 constexpr std::uint32_t kLineCount = 5;
 // An angle of any sign, from any start; radians.
-constexpr double kTurn = 6.28318530717958647692;
+constexpr double kAnyTurn = 6.28318530717958647692;
 constexpr double kEighthTurn = 0.78539816339744830962; // the other four axes are these with the other sign
 
 constexpr const char *kBeforeSpeckle =
@@ -73,7 +73,7 @@ std::vector<Effect> make_catalogue() {
         .told_from("lens_distortion", "dots that reach into the corners: r against r^3"),
     Effect{"beam_skew", "laser", "dots are lopsided along an axis (third Hermite term)",
      "stages/dots.cl: dots_render", kSetsDots,
-     {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kTurn, kTurn, 0.0, 0.0}},
+     {{"skew", "1", -3.0, 3.0, 0.5, 1.2}, {"angle_rad", "rad", -kAnyTurn, kAnyTurn, 0.0, 0.0}},
      [](Model &m, Values v) {
          dots(m, "beam_skew").beam_skew = v[0];
          m.dots->beam_skew_angle_rad = v[1];

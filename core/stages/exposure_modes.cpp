@@ -12,7 +12,7 @@ namespace {
 constexpr Eigen::Index kPoints = 128;
 constexpr double kCubeError = 0.01;
 // What is left of the light's variance by rounding.
-constexpr double kRounding = 1e-12;
+constexpr double kLeastRest = 1e-12;
 
 struct Modes {
     Eigen::ArrayXd values, integrals; // of eigenfunctions of norm 1
@@ -43,7 +43,7 @@ std::vector<ExposureMode> exposure_modes(double path, ExposureCorrelation correl
         for (Eigen::Index equal = 0; kept + equal < best_kept + best_equal; ++equal) {
             // Weights a and b of the next pattern and the equal ones: a + n b = rest, a^2 + n b^2 = rest_variance.
             const double n = static_cast<double>(equal), root = n * ((n + 1.0) * rest_variance - rest * rest);
-            if (root < 0.0 || (equal == 0 && rest * rest - rest_variance > kRounding))
+            if (root < 0.0 || (equal == 0 && rest * rest - rest_variance > kLeastRest))
                 continue;
             const double next = std::min((rest + std::sqrt(root)) / (n + 1.0), rest);
             const double one = equal > 0 ? (rest - next) / n : 0.0;

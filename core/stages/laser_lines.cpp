@@ -9,7 +9,7 @@ namespace clsp {
 namespace {
 
 // An offset that small is 0: such a line needs no surface.
-constexpr double kRounding = 1e-9;
+constexpr double kLeastOffset = 1e-9;
 
 double squared_contrast(const std::vector<LaserLine> &lines, double dephasing_rad) {
     double sum = 0.0;
@@ -71,7 +71,7 @@ std::vector<LaserLine> fewest_lines(const std::vector<LaserLine> &lines, double 
         std::vector<LaserLine> fewer;
         for (Eigen::Index i = 0; i < n; ++i) {
             const double first = solver.eigenvectors()(0, i), offset = solver.eigenvalues()[i];
-            fewer.push_back({std::abs(offset) < kRounding ? 0.0 : offset, first * first});
+            fewer.push_back({std::abs(offset) < kLeastOffset ? 0.0 : offset, first * first});
         }
         if (std::abs(squared_contrast(fewer, dephasing_rad) - wanted) <= error * wanted)
             return fewer;

@@ -10,10 +10,10 @@ namespace {
 
 constexpr double kRare = 0.005; // part of all codes that may lie anywhere: single wild pixels, embedded data
 constexpr double kChanceBesideGaps = 0.1;
-constexpr double kReach = 3.0;   // deviations of the noise
+constexpr double kNoiseReach = 3.0;   // deviations of the noise
 constexpr double kDoubled = 1.5; // how much more often than both neighbours
 constexpr std::size_t kLeastDoubled = 3;
-constexpr double kDeviations = 6.0; // of a count: one in 1e9
+constexpr double kCountDeviations = 6.0; // of a count: one in 1e9
 
 // Codes, counted in steps from the first one: those that a distance holds, or, of dense codes, one for each.
 // step: the mean of so many single steps; of dense codes neither counts.
@@ -76,7 +76,7 @@ bool brought_to_neighbours(const std::vector<std::uint64_t> &histogram, const st
             usual += std::exp((2.0 * std::log(far) + std::log(across)) / 3.0);
         }
         const double most = kDoubled * curved * usual;
-        if (count - most > kDeviations * std::sqrt(count + kDoubled * most))
+        if (count - most > kCountDeviations * std::sqrt(count + kDoubled * most))
             return true;
     }
     return false;
@@ -176,7 +176,7 @@ CodePile find_pile(const std::vector<std::uint64_t> &histogram) {
         if (2 * occupied < kBlocks)
             continue; // light is rarer there
         most *= kDoubled;
-        if (count - most > kDeviations * std::sqrt(count + kDoubled * most))
+        if (count - most > kCountDeviations * std::sqrt(count + kDoubled * most))
             return {static_cast<std::uint16_t>(last), histogram[last]};
         return {};
     }
@@ -189,7 +189,7 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
         return result;
     const double least = -std::log(kChanceOfFinding / double(histogram.size())); // of the expected number of a code
     const auto factor = [&](double distance) {
-        return std::exp(-kReach * distance / noise_dn - 0.5 * distance * distance / (noise_dn * noise_dn));
+        return std::exp(-kNoiseReach * distance / noise_dn - 0.5 * distance * distance / (noise_dn * noise_dn));
     };
     std::vector<std::size_t> below(histogram.size()); // the nearest code that occurs
     std::size_t last = histogram.size();
@@ -221,7 +221,7 @@ CodeGaps find_gaps(const std::vector<std::uint64_t> &histogram, double noise_dn)
         result.occurring.push_back(static_cast<std::uint16_t>(c));
         // A peak of a density that noise blurs rises above its neighbours by no more than a Gaussian does.
         const double peak = kDoubled * more * std::exp(0.5 / (noise_dn * noise_dn));
-        if (high - low == 2 && count - peak > kDeviations * std::sqrt(count + kDoubled * peak))
+        if (high - low == 2 && count - peak > kCountDeviations * std::sqrt(count + kDoubled * peak))
             result.doubled.push_back(static_cast<std::uint16_t>(c));
     }
     for (auto *codes : {&result.missing, &result.doubled, &result.occurring})

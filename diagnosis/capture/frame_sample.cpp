@@ -11,7 +11,7 @@ namespace clsp {
 namespace {
 
 constexpr std::size_t kMostCodes = std::size_t{1} << 22;
-constexpr std::uint32_t kMostSide = 64, kMostFrames = 1024, kMargin = 3;
+constexpr std::uint32_t kMostSide = 64, kMostSampled = 1024, kMargin = 3;
 constexpr std::size_t kLeastTiles = 6;
 constexpr std::size_t kLeastOfTile = 32;                   // pixels
 constexpr double kLeastPart = 0.4;                         // of the difference between frames, that a shift explains
@@ -47,7 +47,7 @@ double slope_at(const std::uint16_t *code, std::ptrdiff_t step) {
 } // namespace
 
 FrameSample::FrameSample(const CaptureLayout &layout, std::uint32_t frames)
-    : width_(layout.width), height_(layout.height), frames_(std::min(frames, kMostFrames)),
+    : width_(layout.width), height_(layout.height), frames_(std::min(frames, kMostSampled)),
       top_(static_cast<std::uint16_t>(layout.maximum_code())) {
     const auto side = std::min(kMostSide, static_cast<std::uint32_t>(std::sqrt(double(kMostCodes) / double(kTiles) /
                                                                                std::max(1.0, double(frames_)))));

@@ -19,13 +19,13 @@ constexpr double kDeviations95 = 1.96;
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
 constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
 
-struct Scale {
+struct StrengthScale {
     double weak, strong;
     bool geometric;
 };
 
-Scale scale_of(const HypothesisParameter &parameter) {
-    Scale scale{parameter.weak, parameter.strong, false};
+StrengthScale scale_of(const HypothesisParameter &parameter) {
+    StrengthScale scale{parameter.weak, parameter.strong, false};
     if (scale.weak == scale.strong && parameter.minimum < 0.0 && parameter.maximum > 0.0) {
         scale.strong += kStrengths.room_around_zero * (parameter.maximum - parameter.minimum);
         return scale;
@@ -51,7 +51,7 @@ double Candidate::value(std::size_t parameter, double strength, double sign) con
 
 double Candidate::clamped(std::size_t parameter, double strength, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
-    const Scale scale = scale_of(p);
+    const StrengthScale scale = scale_of(p);
     const double value = scale.geometric ? scale.weak * std::pow(scale.strong / scale.weak, strength)
                                          : scale.weak + strength * (scale.strong - scale.weak);
     return std::clamp(p.whole ? std::round(value) : value, p.minimum, p.maximum);
@@ -59,7 +59,7 @@ double Candidate::clamped(std::size_t parameter, double strength, double sign) c
 
 double Candidate::strength(std::size_t parameter, double value, double sign) const {
     const HypothesisParameter p = towards(sign, parameter);
-    const Scale scale = scale_of(p);
+    const StrengthScale scale = scale_of(p);
     if (scale.weak == scale.strong)
         return 0.0;
     value = mirrored(value, sign, parameter);

@@ -56,9 +56,9 @@ Blocks block_means(const Grid &grid, const CaptureLayout &layout, std::size_t se
 
 // 1, then the terms of SmoothLight.
 constexpr int kMostTerms = (kIllumination.high_degree + 1) * (kIllumination.high_degree + 2) / 2;
-using Terms = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, kMostTerms>;
-Terms terms(double x, double y, int degree) {
-    Terms result((degree + 1) * (degree + 2) / 2);
+using TermsRow = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, kMostTerms>;
+TermsRow terms(double x, double y, int degree) {
+    TermsRow result((degree + 1) * (degree + 2) / 2);
     Eigen::Index k = 0;
     for (int d = 0; d <= degree; ++d)
         for (int j = 0; j <= d; ++j)
@@ -83,14 +83,14 @@ Fit fit(const Grid &grid, const Blocks &light, int degree) {
         for (Eigen::Index c = 0; c < light.cols(); ++c) {
             if (!std::isfinite(light(r, c)))
                 continue;
-            const Terms row = terms(grid.x(c), grid.y(r), degree);
+            const TermsRow row = terms(grid.x(c), grid.y(r), degree);
             normal.noalias() += row.transpose() * row;
             right += row.transpose() * light(r, c);
             ++used;
         }
     Fit result;
     result.freedom = used - double(count);
-    // Terms of a strip differ by orders of magnitude.
+    // TermsRow of a strip differ by orders of magnitude.
     const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = normal.cwiseProduct(scale * scale.transpose());
     const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);

@@ -8,7 +8,6 @@
 namespace clsp {
 namespace {
 
-constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
 // Apart from the seeds of replicates, of the pool, and of the evidence.
 constexpr std::uint64_t kDatasheetSeed = std::uint64_t{3} << 41;
 // Of the full signal: beyond it clipping takes variance away (EMVA 1288).

@@ -20,13 +20,13 @@ struct Draft {
     evidence::DotStack stack;
 };
 
-struct Scale {
+struct PlaneScale {
     double low, high;
 };
 
 // From the lowest to the highest of the versions' quantiles.
-Scale common_scale(const std::vector<Draft> &drafts, Plane Draft::*plane, double low, double high) {
-    Scale scale{0.0, 0.0};
+PlaneScale common_scale(const std::vector<Draft> &drafts, Plane Draft::*plane, double low, double high) {
+    PlaneScale scale{0.0, 0.0};
     for (std::size_t v = 0; v < drafts.size(); ++v) {
         const double first = evidence::quantile(drafts[v].*plane, low),
                      last = evidence::quantile(drafts[v].*plane, high);
@@ -37,7 +37,7 @@ Scale common_scale(const std::vector<Draft> &drafts, Plane Draft::*plane, double
 }
 
 double common_reach(const std::vector<Draft> &drafts, Plane Draft::*plane) {
-    const Scale scale = common_scale(drafts, plane, 0.005, 0.995);
+    const PlaneScale scale = common_scale(drafts, plane, 0.005, 0.995);
     return std::max(std::abs(scale.low), std::abs(scale.high));
 }
 
@@ -112,10 +112,10 @@ SequenceEvidence sequence_evidence(const ReplicateRunner &runner, std::size_t in
 
     const auto columns = [&](std::uint32_t square) { return (layout.width + square - 1) / square; };
     const auto rows = [&](std::uint32_t square) { return (layout.height + square - 1) / square; };
-    const Scale first = common_scale(drafts, &Draft::first, 0.005, 0.995),
+    const PlaneScale first = common_scale(drafts, &Draft::first, 0.005, 0.995),
                 mean = common_scale(drafts, &Draft::mean, 0.005, 0.995);
-    const Scale deviation = common_scale(drafts, &Draft::deviation, 0.005, 0.995);
-    Scale stack{0.0, 0.0};
+    const PlaneScale deviation = common_scale(drafts, &Draft::deviation, 0.005, 0.995);
+    PlaneScale stack{0.0, 0.0};
     for (const Draft &draft : drafts)
         stack.high = std::max(stack.high, evidence::quantile(draft.stack.image, 1.0));
     const double reach = common_reach(drafts, &Draft::difference),

@@ -16,11 +16,6 @@ struct Seen {
     bool recorded = false, differs = false;
 };
 
-// The standard deviation of a place's statistic; 0 where nothing tells.
-double deviation_of(const GapPlace &place) {
-    return place.z != 0.0 ? std::abs((place.real - place.sim) / place.z) : 0.0;
-}
-
 // What differs in one kind of scene would differ in the other, too, if it were there, and does not: most of those
 // statistics are as sharp there, and clearly off from what it would be. Fringes that many moving surfaces show drown in
 // the speckle of one that rests, and light that rises to one side is off by 4 deviations there instead of 34.
@@ -122,6 +117,10 @@ void set_stage(std::vector<GapPlace> &places, const char *stage, std::initialize
 }
 
 } // namespace
+
+double deviation_of(const GapPlace &place) {
+    return place.z != 0.0 ? std::abs((place.real - place.sim) / place.z) : 0.0;
+}
 
 void place_stages(const CaptureLayout &layout, std::vector<GapPlace> &places, const std::string &alike) {
     double worst = 0.0;

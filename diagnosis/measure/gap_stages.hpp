@@ -8,6 +8,9 @@
 
 namespace clsp {
 
+// The standard deviation that a place's z counts in; 0 where nothing tells it.
+double deviation_of(const GapPlace &place);
+
 // A statistic's own stage is that of the effects that it shows first; what causes a gap is unknown, and may be of
 // another stage. Some stages are ruled out by the sequences that differ:
 // - No light reaches the dark, so the sensor alone shows there.

@@ -8,9 +8,9 @@
 namespace clsp {
 namespace {
 
-template <std::size_t Degree> constexpr int kTerms = int((Degree + 1) * (Degree + 2) / 2);
-template <std::size_t Degree> using TermsOf = Eigen::Matrix<double, kTerms<Degree>, 1>;
-template <std::size_t Degree> using SquareOf = Eigen::Matrix<double, kTerms<Degree>, kTerms<Degree>>;
+template <std::size_t Degree> constexpr int kTermsOf = int((Degree + 1) * (Degree + 2) / 2);
+template <std::size_t Degree> using TermsOf = Eigen::Matrix<double, kTermsOf<Degree>, 1>;
+template <std::size_t Degree> using SquareOf = Eigen::Matrix<double, kTermsOf<Degree>, kTermsOf<Degree>>;
 using Terms = TermsOf<2>;
 using Square = SquareOf<2>;
 

@@ -1,5 +1,6 @@
 #include "report/report_sections.hpp"
 
+#include "measure/gap_stages.hpp"
 #include "report/advice.hpp"
 #include "report/explanations.hpp"
 #include "report/figures.hpp"
@@ -93,11 +94,6 @@ void write_rungs(const DiagnosisResult &result, HtmlPage &page) {
     page.paragraph("From the back of the light path: the dark shows the sensor alone, flats its gains and the lens, "
                    "boards the speckle, dots the pattern. What one scene leaves unexplained takes no effect of "
                    "another scene away.");
-}
-
-// The standard deviation that z counts in.
-double deviation_of(const GapPlace &place) {
-    return std::abs(place.real - place.sim) / std::abs(place.z);
 }
 
 } // namespace

@@ -7,7 +7,7 @@
 namespace clsp {
 namespace {
 
-constexpr int kReach = 4; // px, of Lanczos's window
+constexpr int kReachPx = 4; // px, of Lanczos's window
 
 double sinc(double x) {
     return x == 0.0 ? 1.0 : std::sin(M_PI * x) / (M_PI * x);
@@ -15,17 +15,17 @@ double sinc(double x) {
 
 struct Taps {
     int first; // relative to the pixel
-    std::array<float, 2 * kReach> weight;
+    std::array<float, 2 * kReachPx> weight;
 };
 
 // Value at x - shift from the samples around it.
 Taps lanczos(double shift) {
     const double at = -shift, base = std::floor(at);
-    Taps taps{static_cast<int>(base) - kReach + 1, {}};
+    Taps taps{static_cast<int>(base) - kReachPx + 1, {}};
     double sum = 0.0;
-    for (int k = 0; k < 2 * kReach; ++k) {
+    for (int k = 0; k < 2 * kReachPx; ++k) {
         const double d = at - (taps.first + k);
-        taps.weight[std::size_t(k)] = float(sinc(d) * sinc(d / kReach));
+        taps.weight[std::size_t(k)] = float(sinc(d) * sinc(d / kReachPx));
         sum += taps.weight[std::size_t(k)];
     }
     for (float &weight : taps.weight)
@@ -56,7 +56,7 @@ std::vector<float> shifted(const std::vector<float> &image, std::uint32_t width,
         for (int line = 0; line < lines; ++line)
             for (int x = 0; x < count; ++x) {
                 float sum = 0.0f;
-                for (int k = 0; k < 2 * kReach; ++k)
+                for (int k = 0; k < 2 * kReachPx; ++k)
                     sum += taps.weight[std::size_t(k)] *
                            from[std::size_t(line * line_step + std::clamp(x + taps.first + k, 0, count - 1) * step)];
                 to[std::size_t(line * line_step + x * step)] = sum;

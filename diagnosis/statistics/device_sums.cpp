@@ -3,6 +3,7 @@
 #include "runtime/command_chain.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel_arguments.hpp"
+#include "statistics/sums.hpp"
 
 #include <algorithm>
 #include <cstdlib>
@@ -23,12 +24,12 @@ static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint), "row_product of diagno
 
 namespace {
 
-constexpr std::size_t kLanes = 16, kGroup = 64; // of diagnosis/frame_sums.cl
+constexpr std::size_t kGroup = 64; // of diagnosis/frame_sums.cl
 constexpr const char *kStage = "frame sums";
 // Images that come behind the residuals, which are multiplied with them: the brightness, four derivatives.
 constexpr std::size_t kFactors = 5;
 // Of smaller images, whose thirds and bins are next to nothing.
-constexpr std::size_t kLeastSide = 12;
+constexpr std::size_t kSmallestSide = 12;
 
 cl_uint as_uint(std::size_t value) {
     return static_cast<cl_uint>(value);
@@ -141,7 +142,7 @@ bool DeviceSums::takes(const Geometry &geometry) const {
     // At most so many sums are taken of a row at once, by sum_speckle() of its rows or of those of its bins.
     constexpr std::size_t kMostSums = 32;
     const std::uint64_t most = context_->device().getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-    return !gave_up_ && std::min(geometry.width, geometry.height) >= kLeastSide &&
+    return !gave_up_ && std::min(geometry.width, geometry.height) >= kSmallestSide &&
            geometry.frames * geometry.pixels < kMostCodes &&
            (geometry.frames + kFactors) * geometry.pixels * sizeof(float) <= most &&
            geometry.frames * geometry.height * kMostSums * sizeof(double) <= most;

@@ -15,7 +15,7 @@ using Point = std::array<double, 2>;
 
 // No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are quotients of noise,
 // and are kept within what spots can have.
-constexpr double kLeastVariance = 1.0 / 12.0, kLargestMoment = 10.0;
+constexpr double kLeastMoment = 1.0 / 12.0, kLargestMoment = 10.0;
 
 // Of the window under which a dot's light and place are taken, in standard deviations of the dot.
 constexpr double kFluxWindow = 1.3;
@@ -267,8 +267,8 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     if (!(all.light > 0.0))
         return shape;
     const double mean_x = all.x / all.light, mean_y = all.y / all.light;
-    const double xx = std::max(all.xx / all.light - mean_x * mean_x, kLeastVariance),
-                 yy = std::max(all.yy / all.light - mean_y * mean_y, kLeastVariance);
+    const double xx = std::max(all.xx / all.light - mean_x * mean_x, kLeastMoment),
+                 yy = std::max(all.yy / all.light - mean_y * mean_y, kLeastMoment);
     shape.width_x = std::sqrt(xx);
     shape.width_y = std::sqrt(yy);
     shape.covariance_xy = std::clamp((all.xy / all.light - mean_x * mean_y) / std::sqrt(xx * yy), -1.0, 1.0);
@@ -280,7 +280,7 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     shape.skewness_x = skewness(all.x_cubed, all.xx, mean_x, xx);
     shape.skewness_y = skewness(all.y_cubed, all.yy, mean_y, yy);
     const double squared = (all.xx + all.yy) / all.light;
-    shape.kurtosis = std::clamp(all.r_fourth / all.light / std::max(squared * squared, 4 * kLeastVariance * kLeastVariance),
+    shape.kurtosis = std::clamp(all.r_fourth / all.light / std::max(squared * squared, 4 * kLeastMoment * kLeastMoment),
                                 -kLargestMoment, kLargestMoment);
     return shape;
 }

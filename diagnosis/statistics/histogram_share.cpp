@@ -5,7 +5,7 @@
 namespace clsp::statistics {
 namespace {
 
-constexpr double kReach = 0.1, kLeastReach = 0.5; // of a level; codes
+constexpr double kShareOfLevel = 0.1, kLeastReach = 0.5; // of a level; codes
 
 // Integral of 3 t^2 - 2 t^3 from 0 to t, of 0 before and of 1 behind.
 double integral_of_step(double t) {
@@ -17,7 +17,7 @@ double integral_of_step(double t) {
 
 double share_above(const std::vector<std::uint64_t> &histogram, double total, double black_level_dn, double level,
                    double reach) {
-    reach = std::max(std::min(kReach * level, reach), kLeastReach);
+    reach = std::max(std::min(kShareOfLevel * level, reach), kLeastReach);
     const double begin = black_level_dn + level - reach, width = 2.0 * reach;
     double above = 0.0;
     for (std::size_t code = histogram.size(); code-- > 0 && double(code) + 0.5 > begin;) {

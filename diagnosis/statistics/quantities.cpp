@@ -18,7 +18,6 @@ namespace {
 
 using namespace statistics;
 
-constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN();
 constexpr double kTurn = 2.0 * M_PI;
 // A code that does not occur is missing where its neighbours have so many pixels each, on average: by chance it would hardly be.
 constexpr double kPixelsOfACode = 20.0;

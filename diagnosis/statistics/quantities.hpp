@@ -5,10 +5,13 @@
 #include "statistics/sequence_statistics.hpp"
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
 namespace clsp {
+
+inline constexpr double kNotTold = std::numeric_limits<double>::quiet_NaN(); // by the frames
 
 struct Quantity {
     std::string name; // for example "temporal_noise"

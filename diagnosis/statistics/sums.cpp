@@ -30,7 +30,6 @@ int vector_bits() {
 }
 #endif
 
-constexpr std::size_t kLanes = 16;
 
 CLSP_BODY double lane_total(const float (&lanes)[kLanes]) {
     double total = 0.0;

@@ -8,6 +8,9 @@
 
 namespace clsp::statistics {
 
+// Of the partial sums, also in diagnosis/frame_sums.cl.
+inline constexpr std::size_t kLanes = 16;
+
 // 0 where there is nothing to divide by.
 inline double ratio(double a, double b) {
     return b > 0.0 ? a / b : 0.0;

@@ -19,23 +19,23 @@ namespace image_io::format_files {
 namespace {
 
 /** libjpeg's state, whose errors jump out of it: what runs in guarded() must own nothing. */
-class Decoder {
+class JpegDecoder {
   public:
-    explicit Decoder(std::FILE *stream) {
+    explicit JpegDecoder(std::FILE *stream) {
         info_.err = jpeg_std_error(&errors_);
         errors_.error_exit = [](j_common_ptr info) {
-            auto *self = static_cast<Decoder *>(info->client_data);
+            auto *self = static_cast<JpegDecoder *>(info->client_data);
             info->err->format_message(info, self->message_);
             std::longjmp(self->jump_, 1);
         };
         errors_.emit_message = [](j_common_ptr info, int level) {
-            auto *self = static_cast<Decoder *>(info->client_data);
+            auto *self = static_cast<JpegDecoder *>(info->client_data);
             // A warning is damage; libjpeg goes on with pixels of chance.
             if (level < 0 && self->message_[0] == '\0')
                 info->err->format_message(info, self->message_);
         };
         progress_.progress_monitor = [](j_common_ptr info) {
-            auto *self = static_cast<Decoder *>(info->client_data);
+            auto *self = static_cast<JpegDecoder *>(info->client_data);
             if (self->info_.input_scan_number <= most_scans)
                 return;
             std::snprintf(self->message_, sizeof self->message_, "it has more than %d scans", most_scans);
@@ -52,9 +52,9 @@ class Decoder {
             jpeg_read_header(&info_, TRUE);
         });
     }
-    ~Decoder() { jpeg_destroy_decompress(&info_); }
-    Decoder(const Decoder &) = delete;
-    Decoder &operator=(const Decoder &) = delete;
+    ~JpegDecoder() { jpeg_destroy_decompress(&info_); }
+    JpegDecoder(const JpegDecoder &) = delete;
+    JpegDecoder &operator=(const JpegDecoder &) = delete;
 
     const jpeg_decompress_struct &info() const { return info_; }
     const char *message() const { return message_; } ///< Empty: all is well.
@@ -128,7 +128,7 @@ bool has_several(const jpeg_decompress_struct &info) {
 class JpegReader final : public Reader {
   public:
     explicit JpegReader(const std::string &path) : Reader(path), file_(path) {
-        Decoder decoder(file_.stream());
+        JpegDecoder decoder(file_.stream());
         check(decoder, "");
         const jpeg_decompress_struct &info = decoder.info();
         check_size(info.image_width, info.image_height);
@@ -168,7 +168,7 @@ class JpegReader final : public Reader {
 
     void read_rows(std::uint64_t, const RowSink &sink) override {
         file_.seek(0);
-        Decoder decoder(file_.stream());
+        JpegDecoder decoder(file_.stream());
         check(decoder, "");
         if (decoder.info().image_width != info_.width || decoder.info().image_height != info_.height)
             fail("changed while it was read");
@@ -210,7 +210,7 @@ class JpegReader final : public Reader {
         return file_.size();
     }
 
-    void check(const Decoder &decoder, const std::string &where) const {
+    void check(const JpegDecoder &decoder, const std::string &where) const {
         if (decoder.message()[0] != '\0')
             fail(fmt::format("is truncated, damaged or of a kind that is not read{}: {}; write or copy it again", where,
                              decoder.message()));

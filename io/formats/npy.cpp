@@ -123,16 +123,10 @@ class HeaderParser {
     bool has_shape_ = false;
 };
 
-template <typename T> float to_float(const unsigned char *bytes) {
-    T value;
-    std::memcpy(&value, bytes, sizeof(T));
-    return static_cast<float>(value);
-}
-
 double real_number(const unsigned char *bytes, std::size_t size) {
     double value;
     if (size != sizeof value)
-        return size == 2 ? detail::half_to_float(bytes) : to_float<float>(bytes);
+        return size == 2 ? detail::half_to_float(bytes) : detail::to_float<float>(bytes);
     std::memcpy(&value, bytes, sizeof value);
     return value;
 }
@@ -151,17 +145,17 @@ struct SampleType {
 
 constexpr SampleType sample_types[] = {
     {"b1", "bool", 1, 0, bool_to_float},
-    {"u1", "uint8", 1, 255, to_float<std::uint8_t>},
-    {"u2", "uint16", 2, 65535, to_float<std::uint16_t>},
-    {"u4", "uint32", 4, 0, to_float<std::uint32_t>},
-    {"u8", "uint64", 8, 0, to_float<std::uint64_t>},
-    {"i1", "int8", 1, 0, to_float<std::int8_t>},
-    {"i2", "int16", 2, 0, to_float<std::int16_t>},
-    {"i4", "int32", 4, 0, to_float<std::int32_t>},
-    {"i8", "int64", 8, 0, to_float<std::int64_t>},
+    {"u1", "uint8", 1, 255, detail::to_float<std::uint8_t>},
+    {"u2", "uint16", 2, 65535, detail::to_float<std::uint16_t>},
+    {"u4", "uint32", 4, 0, detail::to_float<std::uint32_t>},
+    {"u8", "uint64", 8, 0, detail::to_float<std::uint64_t>},
+    {"i1", "int8", 1, 0, detail::to_float<std::int8_t>},
+    {"i2", "int16", 2, 0, detail::to_float<std::int16_t>},
+    {"i4", "int32", 4, 0, detail::to_float<std::int32_t>},
+    {"i8", "int64", 8, 0, detail::to_float<std::int64_t>},
     {"f2", "float16", 2, 0, detail::half_to_float},
-    {"f4", "float32", 4, 0, to_float<float>},
-    {"f8", "float64", 8, 0, to_float<double>},
+    {"f4", "float32", 4, 0, detail::to_float<float>},
+    {"f8", "float64", 8, 0, detail::to_float<double>},
 };
 
 class NpyReader final : public Reader {
@@ -330,9 +324,9 @@ class NpyReader final : public Reader {
 
     void convert_row(const unsigned char *bytes, std::vector<float> &row) const {
         // What cameras write, of which there may be gigabytes.
-        const bool codes = !swap_ && type_->convert == &to_float<std::uint16_t>;
+        const bool codes = !swap_ && type_->convert == &detail::to_float<std::uint16_t>;
         for (std::size_t i = 0; i < row.size(); ++i)
-            row[i] = codes ? to_float<std::uint16_t>(bytes + 2 * i) : convert(bytes + i * type_->size_bytes);
+            row[i] = codes ? detail::to_float<std::uint16_t>(bytes + 2 * i) : convert(bytes + i * type_->size_bytes);
     }
 
     void read_c(std::uint64_t frame, const RowSink &sink) {

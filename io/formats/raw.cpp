@@ -24,25 +24,25 @@ constexpr PackingName packing_names[] = {{RawPacking::unpacked, "unpacked"},
 constexpr std::uint32_t all_bits[] = {8, 10, 12, 14, 16};
 
 /** The fewest pixels that fill whole bytes, and those bytes; no pixels where there is no such packing. */
-struct Group {
+struct Packed {
     std::uint32_t pixels = 0, bytes = 0;
 };
 
-Group group_of(RawPacking packing, std::uint32_t bits) {
+Packed group_of(RawPacking packing, std::uint32_t bits) {
     if (bits == 8)
-        return packing == RawPacking::unpacked ? Group{1, 1} : Group{};
+        return packing == RawPacking::unpacked ? Packed{1, 1} : Packed{};
     switch (packing) {
     case RawPacking::unpacked:
         return {1, 2};
     case RawPacking::msb:
-        return bits < 16 ? Group{1, 2} : Group{};
+        return bits < 16 ? Packed{1, 2} : Packed{};
     case RawPacking::gige:
-        return bits == 10 || bits == 12 ? Group{2, 3} : Group{};
+        return bits == 10 || bits == 12 ? Packed{2, 3} : Packed{};
     case RawPacking::mipi:
     case RawPacking::genicam:
         break;
     }
-    return bits == 10 ? Group{4, 5} : bits == 12 ? Group{2, 3} : bits == 14 ? Group{4, 7} : Group{};
+    return bits == 10 ? Packed{4, 5} : bits == 12 ? Packed{2, 3} : bits == 14 ? Packed{4, 7} : Packed{};
 }
 
 [[noreturn]] void refuse(const std::string &text, const std::string &what) {
@@ -162,7 +162,7 @@ class RawReader final : public Reader {
             fits += fmt::format("an offset of {} ({}), ", layout_.offset + rest, counted(frames));
         for (const std::uint32_t bits : all_bits)
             for (const PackingName &packing : packing_names) {
-                const Group group = group_of(packing.packing, bits);
+                const Packed group = group_of(packing.packing, bits);
                 if (group.pixels == 0 || layout_.width % group.pixels != 0)
                     continue;
                 const std::uint64_t bytes = std::uint64_t{layout_.width} / group.pixels * group.bytes * layout_.height;
@@ -178,7 +178,7 @@ class RawReader final : public Reader {
 
     detail::InputFile file_;
     RawLayout layout_;
-    Group group_;
+    Packed group_;
     std::uint64_t frame_bytes_;
 };
 
@@ -233,7 +233,7 @@ RawLayout parse_raw(const std::string &text) {
                                      word));
         }
     }
-    const Group group = group_of(layout.packing, layout.bits);
+    const Packed group = group_of(layout.packing, layout.bits);
     const std::string packing = packing_names[static_cast<int>(layout.packing)].name;
     if (group.pixels == 0)
         refuse(text, fmt::format("there is no packing \"{}\" of {} bits: unpacked takes all, msb 10, 12 and 14, mipi "

@@ -53,12 +53,6 @@ Tiff open_tiff_file(const std::string &path, const char *mode, Messages &message
     return Tiff(TIFFOpenExt(path.c_str(), mode, options.get()));
 }
 
-template <typename T> float to_float(const unsigned char *bytes) {
-    T value;
-    std::memcpy(&value, bytes, sizeof(T));
-    return static_cast<float>(value);
-}
-
 constexpr std::uint16_t photometric_linear_raw = 34892; // of DNG
 
 bool is_lossy(std::uint16_t compression) {
@@ -831,15 +825,15 @@ class TiffReader final : public Reader {
     static float whole(const Layout &layout, const unsigned char *bytes) {
         if (layout.sample_format == SAMPLEFORMAT_IEEEFP)
             return layout.bits == 16   ? detail::half_to_float(bytes)
-                   : layout.bits == 32 ? to_float<float>(bytes)
-                                       : to_float<double>(bytes);
+                   : layout.bits == 32 ? detail::to_float<float>(bytes)
+                                       : detail::to_float<double>(bytes);
         if (layout.sample_format == SAMPLEFORMAT_INT)
-            return layout.bits == 8    ? to_float<std::int8_t>(bytes)
-                   : layout.bits == 16 ? to_float<std::int16_t>(bytes)
-                                       : to_float<std::int32_t>(bytes);
+            return layout.bits == 8    ? detail::to_float<std::int8_t>(bytes)
+                   : layout.bits == 16 ? detail::to_float<std::int16_t>(bytes)
+                                       : detail::to_float<std::int32_t>(bytes);
         return layout.bits == 8    ? static_cast<float>(*bytes)
-               : layout.bits == 16 ? to_float<std::uint16_t>(bytes)
-                                   : to_float<std::uint32_t>(bytes);
+               : layout.bits == 16 ? detail::to_float<std::uint16_t>(bytes)
+                                   : detail::to_float<std::uint32_t>(bytes);
     }
 
     detail::InputFile file_;
