@@ -20,7 +20,7 @@ import clspeckle
 SIDE, ITERATIONS = 512, 100
 
 
-def books(phase: NDArray, orders: NDArray, envelope: NDArray) -> str:
+def power_budget(phase: NDArray, orders: NDArray, envelope: NDArray) -> str:
     """Efficiency with and without the envelope of the pixels, and the uniformity error."""
     field = np.fft.fft2(np.exp(1j * phase.astype(np.float64))) / phase.size
     grid = np.abs(field[orders[:, 1] % SIDE, orders[:, 0] % SIDE]) ** 2
@@ -43,9 +43,9 @@ def main() -> None:
         began = time.perf_counter()
         hologram.optimize(method, maxiter=ITERATIONS, verbose=False)
         seconds = time.perf_counter() - began
-        print(f"| slmsuite {method} | {books(hologram.get_phase(), orders, envelope)} | {seconds:.1f} |")
+        print(f"| slmsuite {method} | {power_budget(hologram.get_phase(), orders, envelope)} | {seconds:.1f} |")
         design = clspeckle.design_doe(orders, shape=(SIDE, SIDE), levels=0, rule=rule, iterations=ITERATIONS)
-        print(f"| clspeckle {rule} | {books(design.phase, orders, envelope)} | {design.seconds:.1f} |", flush=True)
+        print(f"| clspeckle {rule} | {power_budget(design.phase, orders, envelope)} | {design.seconds:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ constexpr unsigned kStrips = 2;
 // second-level cache: rows whose distance is a power of two share few sets of the first.
 constexpr unsigned kPrefetch = 8;
 
-// The kept lines lie in blocks of lanes: point x of block g is a pair of vectors (re, im) at 2 (g width + x), lane l
-// the l-th line of the block.
+// The pupil columns lie in blocks of lanes: point x of block g is a pair of vectors (re, im) at 2 (g width + x), lane l
+// the l-th column of the block.
 struct Lines {
     std::uint32_t width = 0, column_blocks = 0;
     Pages memory;
@@ -29,7 +29,7 @@ struct ColumnTables {
     std::vector<float> twiddles;
     std::vector<unsigned> frequencies;
     std::vector<std::uint8_t> ends;
-    // Positions of the kept lines, in blocks of lanes; the last one is filled up with the length.
+    // Positions of the pupil columns, in blocks of lanes; the last one is filled up with the length.
     std::vector<std::uint32_t> kept;
     // Positions that the inverse reads although no line stands there.
     std::vector<std::uint32_t> empty;

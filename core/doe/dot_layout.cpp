@@ -18,7 +18,7 @@ constexpr double kHexagonal = 1.0745699318235418;
 constexpr double kCloser = 0.95;
 constexpr int kBisections = 12;
 // Shares of the progress: finding places, comparing neighbourhoods for the first time.
-constexpr double kPlacing = 0.3, kFirstLook = 0.5;
+constexpr double kPlacing = 0.3, kCompared = 0.5;
 // Places that are tried between two words to whoever waits.
 constexpr std::uint64_t kTellEvery = 1 << 16;
 // Darts for each dot before a free layout counts as full.
@@ -273,7 +273,7 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
     const NeighborhoodRules rules{layout.row_half_height, layout.neighborhood_radius, layout.tolerance};
     Source source(p.seed, 1);
     NeighborhoodMeasure measure = measure_neighborhoods(dots, rules, p.min_difference, [&](double part) {
-        report_progress(p.progress, "comparing neighbourhoods", kPlacing + (kFirstLook - kPlacing) * part);
+        report_progress(p.progress, "comparing neighbourhoods", kPlacing + (kCompared - kPlacing) * part);
     });
     for (std::uint32_t round = 0; round < p.repair_rounds && !measure.alike.empty(); ++round) {
         // Most layouts need few rounds.
@@ -281,7 +281,7 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
             report_progress(p.progress,
                             fmt::format("round {} of at most {}: moving {} pairs of alike dots", round + 1,
                                         p.repair_rounds, measure.alike.size()),
-                            1.0 - (1.0 - kFirstLook) * std::pow(0.5, round + part));
+                            1.0 - (1.0 - kCompared) * std::pow(0.5, round + part));
         };
         tell(0.0);
         std::vector<bool> touched(dots.size());

@@ -41,7 +41,7 @@ struct Thresholds {
         // strength | a strength so near to a simulated one is not simulated | work
         double near = 0.06;
         // strength | an effect below is fitted and not named: fits scatter by less than that |
-        // tests/diagnosis/inference/test_verdict.cpp WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed
+        // tests/diagnosis/measure/test_verdict.cpp WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed
         double slight = -0.25;
         // strength | beyond the end of every range; deviation of what a capture says nothing of |
         // tests/diagnosis/inference/test_parameters.cpp OfWhichTheCaptureSaysNothing
@@ -129,9 +129,9 @@ struct Thresholds {
         // test_of_two_swaps_the_better_is_made
         double little_left = 0.02;
         // squared distance | effects so near to the best are compared by replicates |
-        // tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
+        // tests/diagnosis/measure/test_verdict.cpp LikelihoodRatiosByHalf
         double final_margin = 20.0;
-        // part of the best gain | or so near | tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
+        // part of the best gain | or so near | tests/diagnosis/measure/test_verdict.cpp LikelihoodRatiosByHalf
         double final_margin_share = 0.15;
         // part of what is left | where the best explains less, the others are compared however far behind |
         // tests/diagnosis/inference/test_parameters.cpp OfPowerThatFlickers
@@ -141,7 +141,7 @@ struct Thresholds {
         // swaps | of a search | work
         int most_swaps = 3;
         // times | likelihood ratios count by half: the fits' error is of the order of the data's |
-        // tests/diagnosis/inference/test_verdict.cpp LikelihoodRatiosByHalf
+        // tests/diagnosis/measure/test_verdict.cpp LikelihoodRatiosByHalf
         double temperature = 2.0;
     } growth;
 
@@ -332,17 +332,17 @@ struct Thresholds {
 
     // What is said in the end.
     struct Naming {
-        // probability | a rival that is as probable is equivalent | tests/diagnosis/inference/test_verdict.cpp
+        // probability | a rival that is as probable is equivalent | tests/diagnosis/measure/test_verdict.cpp
         // EqualRivalsAreEquivalent
         double least_probability = 0.05;
         // deviations | statistics that an effect moves by more are its own; one without any is not named beside others |
-        // tests/diagnosis/inference/test_verdict.cpp BySignificantDeviationsAlone
+        // tests/diagnosis/measure/test_verdict.cpp BySignificantDeviationsAlone
         double own_statistics = 4.0;
         // mean square of z | beside an unknown cause an effect counts if its own statistics have less left |
-        // tests/diagnosis/inference/test_verdict.cpp ByTheStatisticsThatAnEffectMoves
+        // tests/diagnosis/measure/test_verdict.cpp ByTheStatisticsThatAnEffectMoves
         double explained = 3.0;
         // part of the gap | an effect that takes more imitates an unknown cause, and tells its stage |
-        // tests/diagnosis/inference/test_verdict.cpp ACauseThatAKnownEffectImitatesLiesWhereThatDoes
+        // tests/diagnosis/measure/test_verdict.cpp ACauseThatAKnownEffectImitatesLiesWhereThatDoes
         double imitation = 0.5;
         // DN | a lit sequence with less has no level to be simulated at |
         // tests/diagnosis/inference/test_attribution.cpp NamesNothingThatCannotShow

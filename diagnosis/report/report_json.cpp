@@ -283,7 +283,7 @@ std::string report_json(const DiagnosisResult &result) {
         JsonText looks = JsonText::array();
         for (const ScreenedEffect &look : result.screened)
             looks.push_back({{"effect", look.effect}, {"share", look.share}, {"fitted", look.fitted}});
-        report["cause"]["first_look"] = looks;
+        report["cause"]["screening"] = looks;
     }
     JsonText steps = JsonText::array(), per_statistic = JsonText::array();
     for (const ShrinkStep &step : result.steps)

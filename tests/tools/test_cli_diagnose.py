@@ -143,7 +143,7 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     assert ("sim_with_effects" in noise) == bool(report["shrink"]["steps"])
     assert abs(measured[None, "system_gain"]["real"]) < 0.01, "there is no photon noise"
     assert report["measurements"]["photon_transfer"][0]["points"][1]["signal_dn"] == pytest.approx(310, abs=1)
-    looks = report["cause"]["first_look"]
+    looks = report["cause"]["screening"]
     assert {"vignetting", "prnu"} <= {look["effect"] for look in looks}, "all that can show, fitted or not"
     assert "defocus" not in {look["effect"] for look in looks}
     assert [look["share"] for look in looks] == sorted((look["share"] for look in looks), reverse=True)
@@ -437,4 +437,4 @@ def test_a_lens_far_out_of_focus(ok, tmp_path: Path, waves: float, seed: int) ->
     assert (report["cause"]["verdict"], report["cause"]["effects"]) == ("named", ["defocus"])
     ranked = report["cause"]["ranking"][0]
     assert abs(ranked["parameters"]["waves"]) == pytest.approx(waves, abs=0.05)
-    assert report["cause"]["first_look"][0]["effect"] == "defocus" and report["cause"]["first_look"][0]["share"] > 0.5
+    assert report["cause"]["screening"][0]["effect"] == "defocus" and report["cause"]["screening"][0]["share"] > 0.5

@@ -42,7 +42,7 @@ def test_what_a_simulator_lacks(context: clspeckle.Context, tmp_path: Path) -> N
     assert told == sorted(told)
     assert found.detected
     assert found.ranking[0].effect == "row_noise"
-    assert found.measurements == (), "both sets are brought to one light and noise first"
+    assert found.quantities == (), "both sets are brought to one light and noise first"
     assert found.ranking[0].parameters["sigma_dn"] == pytest.approx(3.0, abs=0.6)
     assert found.shrink.fraction > 0.5
     compared = found.report["compare"]

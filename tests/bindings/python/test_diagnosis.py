@@ -98,16 +98,16 @@ def test_a_hypothesis_as_opencl_source(found: clspeckle.Diagnosis, context: clsp
 
 def test_measurements_in_units(found: clspeckle.Diagnosis) -> None:
     """With the ramp the flat's field is that of the camera; its noise is of both."""
-    measured = {(one.sequence, one.quantity): one for one in found.measurements}
+    measured = {(one.sequence, one.quantity): one for one in found.quantities}
     noise = measured["flat", "temporal_noise"]
     assert noise.unit == "DN"
     assert noise.real == pytest.approx(noise.sim, abs=0.2)
     assert noise.sim_with_effects == pytest.approx(noise.sim, abs=0.2)
     assert 0 < noise.sim_deviation < 0.2
     assert measured[None, "system_gain"].unit == "DN/electron"
-    assert found.first_look[0].effect == "ramp"
-    assert found.first_look[0].fitted
-    assert found.first_look[0].share > 0.9
+    assert found.screening[0].effect == "ramp"
+    assert found.screening[0].fitted
+    assert found.screening[0].share > 0.9
 
 
 def test_summary_and_report(found: clspeckle.Diagnosis, tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_plot_without_a_gap(context: clspeckle.Context) -> None:
     Cells(same._repr_html_())
 
 
-@pytest.mark.parametrize("which", ["where", "ranking", "first_look", "measurements", "steps"])
+@pytest.mark.parametrize("which", ["where", "ranking", "screening", "quantities", "steps"])
 def test_tables_have_a_row_for_each_entry(found: clspeckle.Diagnosis, which: str) -> None:
     entries = found.shrink.steps if which == "steps" else getattr(found, which)
     frame = found.table(which)

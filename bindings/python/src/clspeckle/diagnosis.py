@@ -34,11 +34,11 @@ __all__ = [
     "Calibration",
     "Coverage",
     "Diagnosis",
-    "FirstLook",
     "GapPlace",
     "Hypothesis",
-    "Measurement",
+    "Quantity",
     "RankedEffect",
+    "ScreenedEffect",
     "ShrinkStep",
     "Shrinkage",
     "UsedFrames",
@@ -327,7 +327,7 @@ class Calibration:
 
 
 @dataclasses.dataclass(frozen=True)
-class FirstLook:
+class ScreenedEffect:
     """What an effect promised before any was fitted."""
 
     effect: str
@@ -339,7 +339,7 @@ class FirstLook:
 
 
 @dataclasses.dataclass(frozen=True)
-class Measurement:
+class Quantity:
     """A quantity of a sequence in the units of a data sheet, of the camera's frames and of simulated ones.
 
     For people to read: the verdict goes by the statistics. NaN is what the frames do not tell. The list with
@@ -380,7 +380,7 @@ class Diagnosis(Handle):
         probability: of the effects named, among the candidates.
         equivalents: ids of effects that explain the gap equally well.
         ranking: the effects that were weighed, best first.
-        first_look: what all effects that can show promised before any was fitted, the most promising first; empty
+        screening: what all effects that can show promised before any was fitted, the most promising first; empty
             without a gap and of a comparison.
         where: statistics that differ significantly, worst first.
         shrink: how far the gap shrinks with the effects found.
@@ -388,7 +388,7 @@ class Diagnosis(Handle):
         coverage: what was judged, and what could not be.
         calibration: black level, read noise and light that the simulator was adjusted to; None of a comparison, whose
             sets have levels of their own (``report["compare"]``).
-        measurements: quantities in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
+        quantities: numbers in a data sheet's units (noise in DN, widths in px, system gain), sequence by sequence,
             of the camera and of the simulator; empty of a comparison, whose sets are brought to one light and noise
             first.
         emva1288: EMVA 1288's numbers of the dark and flat frames alone, as :meth:`Capture.emva1288` gives them; empty
@@ -424,7 +424,7 @@ class Diagnosis(Handle):
         self.probability = _number(cause["probability"])
         self.equivalents: tuple[str, ...] = tuple(cause["equivalent"])
         self.ranking = tuple(_ranked(entry) for entry in cause["ranking"])
-        self.first_look = tuple(_entry(FirstLook, entry) for entry in cause.get("first_look", ()))
+        self.screening = tuple(_entry(ScreenedEffect, entry) for entry in cause.get("screening", ()))
         self.where = tuple(_entry(GapPlace, entry, ci95=_interval(entry["ci95"])) for entry in report["where"])
         self.shrink = _shrinkage(report["shrink"])
         self.advice: tuple[str, ...] = tuple(
@@ -443,7 +443,7 @@ class Diagnosis(Handle):
             light = {entry["name"]: _number(entry["light_dn"]) for entry in calibration["sequences"]}
             self.calibration = _entry(Calibration, calibration, light_dn=light)
         measured = report.get("measurements", {"quantities": ()})
-        self.measurements = tuple(_entry(Measurement, entry) for entry in measured["quantities"])
+        self.quantities = tuple(_entry(Quantity, entry) for entry in measured["quantities"])
         self.emva1288: dict[str, Any] = report.get("emva1288", {})
         self.notes: tuple[str, ...] = tuple(report["notes"])
         self.seconds: float = summary.seconds
@@ -575,7 +575,7 @@ class Diagnosis(Handle):
         """A list of the result as a pandas.DataFrame, a column for each member.
 
         Args:
-            which: "where", "ranking", "first_look", "measurements" or "steps" (of :attr:`shrink`). Parameters of the
+            which: "where", "ranking", "screening", "quantities" or "steps" (of :attr:`shrink`). Parameters of the
                 ranking are columns `effect.parameter`, with `.low` and `.high` of those that have an interval.
 
         Raises:
@@ -585,8 +585,8 @@ class Diagnosis(Handle):
         kinds = {
             "where": (GapPlace, self.where),
             "ranking": (RankedEffect, self.ranking),
-            "first_look": (FirstLook, self.first_look),
-            "measurements": (Measurement, self.measurements),
+            "screening": (ScreenedEffect, self.screening),
+            "quantities": (Quantity, self.quantities),
             "steps": (ShrinkStep, self.shrink.steps),
         }
         if which not in kinds:
