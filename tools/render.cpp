@@ -2,10 +2,12 @@
 
 #include "context.hpp"
 #include "errors.hpp"
+#include "exposure_range.hpp"
 #include "files.hpp"
 #include "interrupt.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "stage_times.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -82,31 +84,6 @@ class DeviceFrame {
     std::uint32_t width_;
     std::uint32_t height_;
     std::map<std::string, Buffer> buffers_;
-};
-
-/** Times of one stage over the frames in which it ran. */
-struct StageTimes {
-    std::string name;
-    std::vector<double> milliseconds;
-    double mean() const {
-        return milliseconds.empty() ? 0.0
-                                    : std::accumulate(milliseconds.begin(), milliseconds.end(), 0.0) /
-                                          static_cast<double>(milliseconds.size());
-    }
-    double median() const {
-        if (milliseconds.empty())
-            return 0.0;
-        std::vector<double> sorted = milliseconds;
-        std::sort(sorted.begin(), sorted.end());
-        const std::size_t half = sorted.size() / 2;
-        return sorted.size() % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
-    }
-    double least() const {
-        return milliseconds.empty() ? 0.0 : *std::min_element(milliseconds.begin(), milliseconds.end());
-    }
-    double most() const {
-        return milliseconds.empty() ? 0.0 : *std::max_element(milliseconds.begin(), milliseconds.end());
-    }
 };
 
 /** A plane for one of the stages, with its size checked. */
@@ -242,6 +219,7 @@ class Renderer {
             lens_ = clspeckle::Lens(*context_, lens);
         }
 
+        double dark_dn = 0; // mean of the dark frame
         if (has_sensor_) {
             const std::string profile = config_.text("sensor.profile");
             auto sensor = profile.empty() ? clspeckle::make<ClspSensorDesc>() : clspeckle::Sensor::profile(profile);
@@ -267,7 +245,7 @@ class Renderer {
             const std::vector<float> dark = pixel_map("sensor.dark_frame", "dark frame", false);
             const std::vector<float> gains = pixel_map("sensor.gain_map", "gain map", true);
             if (!dark.empty())
-                dark_dn_ = std::accumulate(dark.begin(), dark.end(), 0.0) / static_cast<double>(dark.size());
+                dark_dn = std::accumulate(dark.begin(), dark.end(), 0.0) / static_cast<double>(dark.size());
             sensor.dark_frame_dn = dark.empty() ? nullptr : dark.data();
             sensor.gain_map = gains.empty() ? nullptr : gains.data();
             try {
@@ -318,6 +296,7 @@ class Renderer {
         output_ = Buffer(*context_, std::uint64_t{width_} * height_ * sample_bytes);
         output_image_ = output_.image(width_, height_, float_output_ ? CLSP_FORMAT_FLOAT32 : CLSP_FORMAT_UINT16);
         device_->upload(first_);
+        range_.emplace(config_, has_sensor_, dark_dn);
         if (has_sensor_ && config_.is_word("sensor.exposure_gain_dn"))
             choose_gain();
         // After the gain, which some of them need.
@@ -376,7 +355,7 @@ class Renderer {
             pipeline_.enqueue_frame(queue_, frame);
             queue_.finish();
             device_seconds_ += now() - start;
-            record_times();
+            times_.add(pipeline_.timings());
 
             Samples samples = read_output();
             const auto saturated = count_saturated(samples);
@@ -414,11 +393,11 @@ class Renderer {
         const double light = moments_.mean - black_level();
         const double contrast = light > 0 ? moments_.standard_deviation / light : NAN;
         const double saturated = static_cast<double>(saturated_) / static_cast<double>(pixels * frames_);
-        const double frame_milliseconds = frame_times_.mean();
+        const double frame_milliseconds = times_.all.mean();
         const double rate = static_cast<double>(frames_) / run_seconds_;
         if (console_.json()) {
             Json stages = Json::object();
-            for (const StageTimes &stage : stages_)
+            for (const StageTimes &stage : times_.stages)
                 stages[stage.name] = {{"mean", stage.mean()},
                                       {"median", stage.median()},
                                       {"minimum", stage.least()},
@@ -492,13 +471,13 @@ class Renderer {
         if (has_sensor_)
             console_.print(fmt::format("saturated   {} of all pixels", percent(saturated)));
         std::string times;
-        for (const StageTimes &stage : stages_)
+        for (const StageTimes &stage : times_.stages)
             times += fmt::format("{}{} {:.3f}", times.empty() ? "" : ", ", stage.name, stage.mean());
         console_.print(fmt::format("time, ms    {} (warm-up {:.0f})", times, warm_up_seconds_ * 1e3));
         console_.print(
             fmt::format("speed       {:.1f} frames per second on the device, {:.1f} with files", device_rate(), rate));
         if (config_.flag("render.stage_times"))
-            console_.print(stage_times_table());
+            console_.print(times_.table());
         console_.print(describe_files(files, folder));
     }
 
@@ -672,9 +651,9 @@ class Renderer {
             throw InputError(fmt::format("{}: {}, so that no exposure can be chosen. If no light is meant, give "
                                          "--illumination dark and a number for --exposure-gain",
                                          first_.name, why_black()));
-        if (room() <= 0)
-            throw InputError(fmt::format("--exposure-gain auto finds no room: {}", why_no_room()));
-        const double gain = auto_signal() / (bright * passed());
+        if (range_->room() <= 0)
+            throw InputError(fmt::format("--exposure-gain auto finds no room: {}", range_->why_no_room()));
+        const double gain = range_->auto_signal() / (bright * passed());
         if (!(gain <= most_gain))
             throw InputError(fmt::format("{}: the first ideal image is too dark ({:g}) for an exposure; scale it with "
                                          "--irradiance-scale",
@@ -696,59 +675,10 @@ class Renderer {
                               "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
-    ClspCameraTraits traits() const {
-        auto traits = clspeckle::make<ClspCameraTraits>();
-        traits.bits = static_cast<std::uint32_t>(config_.integer("sensor.bits"));
-        traits.saturation_dn = config_.number("sensor.saturation_dn");
-        return traits_with(config_.effects(), traits);
-    }
-    double ambient_light_dn() const { return traits().ambient_dn; }
-
     /** Part of the light that the aperture passes, in the mean. */
     double passed() const {
         const bool kept_mean = config_.choice("aperture.normalization") == CLSP_NORMALIZATION_UNIT_MEAN;
         return kept_mean ? 1.0 : aperture_.info().mean_transmission;
-    }
-
-    /** The largest signal of a pixel, in dn; infinite: only the converter ends it. */
-    double largest_signal() const {
-        const double full = top_code();
-        const ClspCameraTraits of = traits();
-        double signal = of.saturation_dn;
-        if (!std::isfinite(signal))
-            return signal;
-        signal *= 1 - of.cubic_nonlinearity * std::pow(std::min(signal / full, 1.0), 3);
-        return full * std::pow(signal / full, of.gamma);
-    }
-    /** The converter's own largest code. */
-    double largest_code() const {
-        const ClspCameraTraits of = traits();
-        const double bits = of.bits, effective = of.effective_bits ? of.effective_bits : of.bits;
-        return std::exp2(bits) - std::exp2(bits - effective);
-    }
-    /** The code of a pixel without light. */
-    double offset() const { return config_.number("sensor.black_level_dn") + dark_dn_; }
-    bool ends_below_top() const { return has_sensor_ && offset() + largest_signal() < largest_code(); }
-    /** What the black level, the dark frame and ambient light leave of the range, in dn. */
-    double room() const { return std::min(largest_code() - offset(), largest_signal()) - ambient_light_dn(); }
-    std::string why_no_room() const {
-        const double ambient = ambient_light_dn();
-        return fmt::format("the code without light, {:g}{} nothing of the range, which ends at {:g}; lower {}",
-                           offset(),
-                           ambient > 0 ? fmt::format(", and ambient light of {:g} dn leave", ambient) : " leaves",
-                           std::min(largest_code(), offset() + largest_signal()), ambient > 0 ? "them" : "it");
-    }
-    /** That --exposure-gain auto aims at: half of full scale, or of what a high black level and ambient light leave. */
-    double auto_signal() const {
-        const double signal = std::min(top_code() / 2 - config_.number("sensor.black_level_dn"), largest_signal() / 2);
-        return signal > 0 && signal <= room() ? signal : room() / 2;
-    }
-    /** A code that pixels at their end have: the top one, or what the noise leaves of the largest signal. */
-    double last_code() const {
-        if (!ends_below_top())
-            return largest_code();
-        const double signal = largest_signal();
-        return offset() + std::max(signal - 3 * config_.number("sensor.read_noise_dn"), signal / 2);
     }
 
     /** Whether a frame may be one to warn of. What the pattern brings to a scene is looked up again where less than
@@ -782,7 +712,7 @@ class Renderer {
         const double brightest = *std::max_element(values.begin(), values.end());
         const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
         const double gain = has_sensor_ ? config_.number("sensor.exposure_gain_dn") : 0, behind = dn_per_light();
-        const bool ambient = ambient_light_dn() >= 0.5;
+        const bool ambient = range_->ambient_light() >= 0.5;
         const bool dark = brightest * behind < least_light();
         const char *no_light = ambient ? "the pattern brings no light" : "the frame has no light";
         const auto pixels = static_cast<double>(values.size());
@@ -804,7 +734,7 @@ class Renderer {
                     "{}: {}: the brightest point gets {:.3g} of full scale. Check the pattern's pose and extent "
                     "(--pattern-laser-from-geometry, --pattern-half-extent-x), the unit of depths (--depth-scale), and "
                     "the gain ({} dn{})",
-                    data.name, no_light, brightest * behind / top_code(), gain, part));
+                    data.name, no_light, brightest * behind / range_->top_code(), gain, part));
             else
                 console_.warn(fmt::format("{}: the frame has no light: the brightest number is {:.3g}{}, and with a "
                                           "gain of {} dn that is less than half a code; {}",
@@ -813,17 +743,17 @@ class Renderer {
         if ((dark && !ambient) || !has_sensor_ || saturated <= 0 || saturated < most_saturated * lit ||
             std::exchange(told_saturated_, true))
             return;
-        const std::string end = ends_below_top()
+        const std::string end = range_->ends_below_top()
                                     ? fmt::format("at {:g} + {:g} dn, where its signal ends below the top code "
                                                   "(--saturation-dn or the effect full_well)",
-                                                  offset(), largest_signal())
+                                                  range_->offset(), range_->largest_signal())
                                     : "at the top code";
         const std::string told = fmt::format("{}: {:.0f} % of the frame is {}, where {:.0f} % has light", data.name,
                                              100 * saturated / pixels, end, 100 * lit / pixels);
-        if (brightest * behind <= std::min((top_code() + 1) / 2, largest_signal() / 2))
+        if (brightest * behind <= std::min((range_->top_code() + 1) / 2, range_->largest_signal() / 2))
             console_.warn(fmt::format("{}, though the brightest {} brings no more than half of the range: the code "
                                       "without light, {:g}, and ambient light, {:g} dn, fill the rest; lower them",
-                                      told, input_.scene ? "point" : "number", offset(), ambient_light_dn()));
+                                      told, input_.scene ? "point" : "number", range_->offset(), range_->ambient_light()));
         else
             console_.warn(
                 fmt::format("{}: the mean light is {:.3g}, and the gain {} dn for light of 1; {}{}", told, mean, gain,
@@ -833,26 +763,11 @@ class Renderer {
 
     /** What brings light into the range: --exposure-gain auto where choose_gain() takes it. */
     std::string gain_advice(const std::vector<float> &values) const {
-        if (room() <= 0)
-            return "no gain helps: " + why_no_room();
-        if (auto_signal() / (bright_of(values) * passed()) > most_gain)
+        if (range_->room() <= 0)
+            return "no gain helps: " + range_->why_no_room();
+        if (range_->auto_signal() / (bright_of(values) * passed()) > most_gain)
             return "scale it with --irradiance-scale, and --exposure-gain auto finds one";
         return "--exposure-gain auto finds one";
-    }
-
-    void record_times() {
-        double total = 0;
-        for (const ClspStageTiming &timing : pipeline_.timings()) {
-            auto found = std::find_if(stages_.begin(), stages_.end(),
-                                      [&](const StageTimes &s) { return s.name == timing.stage; });
-            if (found == stages_.end()) {
-                stages_.push_back({timing.stage, {}});
-                found = stages_.end() - 1;
-            }
-            found->milliseconds.push_back(timing.milliseconds);
-            total += timing.milliseconds;
-        }
-        frame_times_.milliseconds.push_back(total);
     }
 
     Samples read_output() {
@@ -862,12 +777,11 @@ class Renderer {
         return output_.read<std::uint16_t>(queue_, pixels);
     }
 
-    double top_code() const { return static_cast<double>((std::uint32_t{1} << config_.integer("sensor.bits")) - 1); }
     /** In units of the output. */
     double black_level() const {
         if (!has_sensor_)
             return 0;
-        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / top_code() : 1.0;
+        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / range_->top_code() : 1.0;
         return config_.number("sensor.black_level_dn") * unit;
     }
     double device_rate() const { return static_cast<double>(frames_) / device_seconds_; }
@@ -877,8 +791,8 @@ class Renderer {
         if (!has_sensor_)
             return 0;
         // Half a code below it, against the rounding of a float output.
-        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / top_code() : 1.0;
-        const double last = (last_code() - (float_output_ ? 0.5 : 0.0)) * unit;
+        const double unit = float_output_ ? config_.number("sensor.float_full_scale") / range_->top_code() : 1.0;
+        const double last = (range_->last_code() - (float_output_ ? 0.5 : 0.0)) * unit;
         return std::visit(
             [&](const auto &values) {
                 const auto count = static_cast<std::uint64_t>(std::count_if(
@@ -887,19 +801,6 @@ class Renderer {
                 return count;
             },
             samples);
-    }
-
-    std::string stage_times_table() const {
-        std::vector<std::vector<std::string>> rows = {{"stage", "mean ms", "median", "least", "most", "frames"}};
-        const auto add = [&](const StageTimes &stage, const std::string &name) {
-            rows.push_back({name, fmt::format("{:.4f}", stage.mean()), fmt::format("{:.4f}", stage.median()),
-                            fmt::format("{:.4f}", stage.least()), fmt::format("{:.4f}", stage.most()),
-                            std::to_string(stage.milliseconds.size())});
-        };
-        for (const StageTimes &stage : stages_)
-            add(stage, stage.name);
-        add(frame_times_, "all");
-        return "\n" + table(rows, "  ") + "\n";
     }
 
     static std::string describe_files(const std::vector<std::string> &files, const std::string &folder) {
@@ -948,13 +849,12 @@ class Renderer {
     ClspMoments moments_{};
     std::uint64_t saturated_ = 0;
     std::uint64_t saturated_first_ = 0;
-    double dark_dn_ = 0;                     ///< Mean of the dark frame.
+    std::optional<ExposureRange> range_;
     std::optional<double> signal_looked_up_; ///< Mean signal of the frame whose ideal image was last looked up,
     double signal_ = 0;                      ///< and the largest since.
     bool told_dark_ = false;
     bool told_saturated_ = false;
-    std::vector<StageTimes> stages_;
-    StageTimes frame_times_;
+    FrameTimes times_;
     double warm_up_seconds_ = 0;
     double device_seconds_ = 0;
     double run_started_ = 0;
