@@ -106,6 +106,41 @@ def test_the_container_is_made_as_the_docs_say() -> None:
     assert "apt-get install" in done[4]
 
 
+def on_a_bare_system(stage: Path, folder: Path) -> str:
+    """What steps.sh of a folder prints in an empty Debian with that folder; mmdebstrap drops what its hooks print."""
+    told = folder / "told.txt"
+    hooks = [
+        f'--customize-hook=cp -r {stage} "$1/{stage.name}"',
+        f'--customize-hook=chroot "$1" bash -eu /{stage.name}/steps.sh > {told}',
+    ]
+    run("mmdebstrap", "--variant=apt", *hooks, "bookworm", folder / "root.tar")
+    return told.read_text()
+
+
+@pytest.mark.nightly
+def test_the_containers_first_steps_on_a_bare_system(tmp_path: Path) -> None:
+    """What scripts/setup.sh installs is enough to configure the container's build. The build itself is the one above."""
+    commands = [line.removeprefix("RUN ") for line in (ROOT / "scripts" / "Dockerfile").read_text().splitlines()
+                if line.startswith("RUN ")]  # fmt: skip
+    assert commands[1].startswith("cmake -S . -B build-deb ")
+    stage = tmp_path / "clspeckle"
+    stage.mkdir()
+    files = run("git", "-C", ROOT, "ls-files", "-co", "--exclude-standard").splitlines()
+    for file in (ROOT / name for name in files):
+        if file.is_file():
+            target = stage / file.relative_to(ROOT)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, target)
+    steps = ["cd /clspeckle"]
+    if certificate := os.environ.get("PIP_CERT"):  # of a mirror
+        shutil.copy(certificate, stage / "mirror.crt")
+        steps.append("export PIP_CERT=/clspeckle/mirror.crt REQUESTS_CA_BUNDLE=/clspeckle/mirror.crt")
+    (stage / "steps.sh").write_text("\n".join([*steps, *commands[:2], "ls build-deb/CPackConfig.cmake", ""]))
+    output = on_a_bare_system(stage, tmp_path)
+    assert "Build files have been written to" in output
+    assert "build-deb/CPackConfig.cmake" in output
+
+
 STEPS = """
 export DEBIAN_FRONTEND=noninteractive
 apt-get -q install -y /debs/*.deb gcc libc6-dev pkg-config >/dev/null
@@ -130,8 +165,7 @@ def test_packages_on_a_bare_system(debs: dict[str, Path], tmp_path: Path) -> Non
     for file in (*debs.values(), HERE / "consumer.c", HERE / "torch_pairs.py"):
         shutil.copy(file, stage)
     (stage / "steps.sh").write_text(STEPS)
-    hooks = [f'--customize-hook=cp -r {stage} "$1/debs"', '--customize-hook=chroot "$1" bash -eu /debs/steps.sh']
-    output = run("mmdebstrap", "--variant=apt", *hooks, "bookworm", tmp_path / "root.tar")
+    output = on_a_bare_system(stage, tmp_path)
     assert "checksum" in output
     assert "(48, 64)" in output
     assert VERSION in output

@@ -77,9 +77,12 @@ def test_what_conan_exports_can_be_configured(home: dict[str, str], tmp_path: Pa
 
 
 @pytest.mark.nightly
-def test_conan_makes_a_package_that_c_and_cpp_use(home: dict[str, str]) -> None:
+def test_conan_makes_a_package_that_c_and_cpp_use(home: dict[str, str], tmp_path: Path) -> None:
     """Built from the exported sources, packed, and used by the recipe's test package: no package of any server."""
-    done = run(CONAN, "create", PACKAGING / "conan", "--build=missing", "--no-remote", env=home)
+    # Nothing in the checkout.
+    settings = (f"tools.cmake.cmake_layout:test_folder={tmp_path}", "tools.cmake.cmaketoolchain:user_presets=")
+    elsewhere = [word for setting in settings for word in ("-c", setting)]
+    done = run(CONAN, "create", PACKAGING / "conan", "--build=missing", "--no-remote", *elsewhere, env=home)
     assert done.count("first codes: ") == 2
     (library,) = {path.name for path in Path(home["CONAN_HOME"]).rglob("p/lib/libclspeckle.so.*.*.*")}
     assert library == f"libclspeckle.so.{release()[0]}"

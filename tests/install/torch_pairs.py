@@ -1,4 +1,4 @@
-"""Debian's PyTorch beside the Debian package: its loader reads a set in processes of its own, and tensors are shared."""
+"""Debian's PyTorch beside the Debian package: its loader reads a set in processes of its own; tensors are shared."""
 
 import numpy as np
 import torch
