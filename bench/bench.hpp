@@ -24,10 +24,12 @@ inline void sizes(benchmark::internal::Benchmark *b) {
 // And aperture diameters in hundredths of what the image's sampling resolves.
 inline void apertures(benchmark::internal::Benchmark *b) {
     b->ArgNames({"width", "height", "D%"});
-    for (const auto &[width, height] : {std::pair{512, 512}, {1024, 1024}, {1280, 720}, {1920, 1080}, {2048, 2048}, {4096, 4096}})
+    for (const auto &[width, height] :
+         {std::pair{512, 512}, {1024, 1024}, {1280, 720}, {1920, 1080}, {2048, 2048}, {4096, 4096}})
         for (const int diameter : {25, 50, 100})
             b->Args({width, height, diameter});
-    // The CPU column is the processor time of all threads, which other programs on the machine change less than the elapsed time.
+    // The CPU column is the processor time of all threads, which other programs on the machine change less than the
+    // elapsed time.
     b->Unit(benchmark::kMillisecond)->UseRealTime()->MeasureProcessCPUTime();
 }
 

@@ -1,5 +1,5 @@
-// What an effect costs when it is on, and that it costs nothing when it is off: frames of dots through the whole camera. Compare the rows
-// of one run (--benchmark_enable_random_interleaving=true --benchmark_repetitions=9).
+// What an effect costs when it is on, and that it costs nothing when it is off: frames of dots through the whole
+// camera. Compare the rows of one run (--benchmark_enable_random_interleaving=true --benchmark_repetitions=9).
 #include "bench.hpp"
 
 #include <string>

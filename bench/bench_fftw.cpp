@@ -1,5 +1,5 @@
-// The yardstick on a CPU: FFTW (single precision, as many threads as cores, in place), its two transforms alone and the whole way from phases
-// and an ideal image to the intensity behind a round aperture.
+// The yardstick on a CPU: FFTW (single precision, as many threads as cores, in place), its two transforms alone and the
+// whole way from phases and an ideal image to the intensity behind a round aperture.
 #include "bench.hpp"
 
 #include <cmath>
@@ -13,7 +13,8 @@ namespace {
 
 class Transforms {
   public:
-    Transforms(int width, int height) : width_(width), height_(height), field_(fftwf_alloc_complex(pixels()), fftwf_free) {
+    Transforms(int width, int height)
+        : width_(width), height_(height), field_(fftwf_alloc_complex(pixels()), fftwf_free) {
         fftwf_plan_with_nthreads(omp_get_max_threads());
         forward_ = fftwf_plan_dft_2d(height, width, field(), field(), FFTW_FORWARD, FFTW_MEASURE);
         inverse_ = fftwf_plan_dft_2d(height, width, field(), field(), FFTW_BACKWARD, FFTW_MEASURE);
@@ -66,16 +67,18 @@ void fftw_frame(benchmark::State &state) {
     const double diameter = 0.01 * double(state.range(2));
     Transforms transforms(width, height);
     const std::int64_t pixels = std::int64_t(transforms.pixels());
-    std::vector<float> phase(std::size_t(pixels), 0.0f), ideal(std::size_t(pixels), 1.0f), intensity(std::size_t(pixels), 0.0f),
-        mask(std::size_t(pixels), 0.0f);
+    std::vector<float> phase(std::size_t(pixels), 0.0f), ideal(std::size_t(pixels), 1.0f),
+        intensity(std::size_t(pixels), 0.0f), mask(std::size_t(pixels), 0.0f);
     for (std::int64_t i = 0; i < pixels; ++i) { // Weyl's sequence: no two equal
         const double turns = 0.6180339887498949 * double(i);
         phase[std::size_t(i)] = float(6.283185307179586 * (turns - std::floor(turns)));
     }
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
-            const double u = double(x < (width + 1) / 2 ? x : x - width) / width, v = double(y < (height + 1) / 2 ? y : y - height) / height;
-            mask[std::size_t(y) * std::size_t(width) + std::size_t(x)] = u * u + v * v <= 0.25 * diameter * diameter ? 1.0f / float(pixels) : 0.0f;
+            const double u = double(x < (width + 1) / 2 ? x : x - width) / width,
+                         v = double(y < (height + 1) / 2 ? y : y - height) / height;
+            mask[std::size_t(y) * std::size_t(width) + std::size_t(x)] =
+                u * u + v * v <= 0.25 * diameter * diameter ? 1.0f / float(pixels) : 0.0f;
         }
     fftwf_complex *const field = transforms.field();
     const auto frame = [&] {

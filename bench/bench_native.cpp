@@ -1,5 +1,5 @@
-// The passes of the engine for CPUs in C++ (bench/native), from the same phases and ideal image to the intensity: the yardstick
-// of intensity/own in bench_engines.cpp.
+// The passes of the engine for CPUs in C++ (bench/native), from the same phases and ideal image to the intensity: the
+// yardstick of intensity/own in bench_engines.cpp.
 #include "bench.hpp"
 #include "native/native_passes.hpp"
 

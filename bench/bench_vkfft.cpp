@@ -1,5 +1,5 @@
-// The yardstick on a GPU: forward and inverse transform by VkFFT's OpenCL back-end (single precision, in place), on the context that the
-// other benchmarks use.
+// The yardstick on a GPU: forward and inverse transform by VkFFT's OpenCL back-end (single precision, in place), on the
+// context that the other benchmarks use.
 #include "bench.hpp"
 
 #define VKFFT_BACKEND 3
@@ -36,7 +36,8 @@ void vkfft_forward_and_inverse(benchmark::State &state) {
     VkFFTLaunchParams launch = {};
     launch.commandQueue = &commands;
     const auto both = [&] {
-        const bool done = VkFFTAppend(&application, -1, &launch) == VKFFT_SUCCESS && VkFFTAppend(&application, 1, &launch) == VKFFT_SUCCESS;
+        const bool done = VkFFTAppend(&application, -1, &launch) == VKFFT_SUCCESS &&
+                          VkFFTAppend(&application, 1, &launch) == VKFFT_SUCCESS;
         queue.finish();
         return done;
     };

@@ -1,4 +1,5 @@
-// From the start of a process to its first frame in memory. Run it twice with empty caches to see a first and a warm start:
+// From the start of a process to its first frame in memory. Run it twice with empty caches to see a first and a warm
+// start:
 //
 //     clspeckle-first-frame [WIDTH HEIGHT] [auto|off|on]     the disk cache of compiled programs
 #include <clspeckle/clspeckle.hpp>
@@ -44,8 +45,10 @@ void run(std::uint32_t width, std::uint32_t height, std::uint32_t disk_cache) {
     render();
     const double first_ms = milliseconds();
     render();
-    std::printf("%u x %u: context %.1f ms, pipeline %.1f ms, first frame %.1f ms; in all %.1f ms; second frame %.1f ms\n", width, height,
-                context_ms, pipeline_ms - context_ms, first_ms - pipeline_ms, first_ms, milliseconds() - first_ms);
+    std::printf(
+        "%u x %u: context %.1f ms, pipeline %.1f ms, first frame %.1f ms; in all %.1f ms; second frame %.1f ms\n",
+        width, height, context_ms, pipeline_ms - context_ms, first_ms - pipeline_ms, first_ms,
+        milliseconds() - first_ms);
 }
 
 } // namespace

@@ -1,5 +1,5 @@
-// The three passes of the engine for CPUs in C++, for CPUs, with neither OpenCL nor a library of transforms: what is left to
-// gain for the engine's kernels shows beside it.
+// The three passes of the engine for CPUs in C++, for CPUs, with neither OpenCL nor a library of transforms: what is
+// left to gain for the engine's kernels shows beside it.
 #pragma once
 
 #include <cstddef>

@@ -17,8 +17,8 @@ static inline void report_bad(__global uint *bad, float value, uint index) {
     atomic_min(&bad[2], index);
 }
 
-// A value that must be finite and not negative; anything else is reported and taken as 0, so that one bad pixel does not
-// spread over the whole frame through the Fourier transform.
+// A value that must be finite and not negative; anything else is reported and taken as 0, so that one bad pixel does
+// not spread over the whole frame through the Fourier transform.
 static inline float sanitized(float value, __global uint *bad, uint index) {
     if (value >= 0.0f && value <= FLT_MAX)
         return value;

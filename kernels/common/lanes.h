@@ -1,6 +1,7 @@
-// Explicit vectors for CPU devices: one work-item works on LANES columns or rows at once, lane l on the l-th. The same numbers as the scalar
-// functions of philox.h, bit for bit: the same operations in the same order. Pairs go to out-parameters: inlining a function that returns
-// a structure leaves an intrinsic behind (llvm.experimental.noalias.scope.decl) that oclgrind 21.10 cannot run.
+// Explicit vectors for CPU devices: one work-item works on LANES columns or rows at once, lane l on the l-th. The same
+// numbers as the scalar functions of philox.h, bit for bit: the same operations in the same order. Pairs go to
+// out-parameters: inlining a function that returns a structure leaves an intrinsic behind
+// (llvm.experimental.noalias.scope.decl) that oclgrind 21.10 cannot run.
 //   LANES  4, 8 or 16
 #ifndef CLSP_LANES_H
 #define CLSP_LANES_H
@@ -31,8 +32,8 @@ typedef CLSP_JOIN(uint, LANES) lanes_u;
 typedef CLSP_JOIN(ulong, HALF_LANES) half_ul;
 #define as_half_ul CLSP_JOIN(as_ulong, HALF_LANES)
 #define SPREAD(value) ((lanes_f)(value))
-// LANES numbers side by side, wherever they begin, and elements of two vectors: `places` names a macro that lists their numbers, as
-// OpenCL C has no variadic macros. PoCL's built-ins go through large vectors in parts.
+// LANES numbers side by side, wherever they begin, and elements of two vectors: `places` names a macro that lists their
+// numbers, as OpenCL C has no variadic macros. PoCL's built-ins go through large vectors in parts.
 #ifdef __clang__
 typedef lanes_f unaligned_lanes_f __attribute__((aligned(4)));
 typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
@@ -53,8 +54,8 @@ typedef lanes_u unaligned_lanes_u __attribute__((aligned(4)));
 #define store_lanes_u(values, to) vstore_lanes(values, 0, to)
 #endif
 
-// Asks for the cache line at `address`. locality: into which cache, a constant as __builtin_prefetch() has it. OpenCL's own prefetch() does nothing on
-// PoCL; kernels that use this one are told to by an option.
+// Asks for the cache line at `address`. locality: into which cache, a constant as __builtin_prefetch() has it. OpenCL's
+// own prefetch() does nothing on PoCL; kernels that use this one are told to by an option.
 #define prefetch_line(address, locality) __builtin_prefetch((const void *)(size_t)(address), 0, locality)
 
 typedef struct {
@@ -70,7 +71,8 @@ static inline lanes_u lane_numbers(void) {
     return vload_lanes(0, numbers);
 }
 
-// Whether a comparison, which sets all bits of a lane or none, holds in any lane. PoCL's any() and all() go through the lanes two by two.
+// Whether a comparison, which sets all bits of a lane or none, holds in any lane. PoCL's any() and all() go through the
+// lanes two by two.
 static inline bool holds_anywhere(lanes_i comparison) {
 #if LANES == 16
     const int8 eight = comparison.lo | comparison.hi;
@@ -195,7 +197,9 @@ static inline void phasors_from_turns(lanes_f turns, lanes_complex *phasors) {
     phasors_from_words(as_lanes_u(convert_lanes_i(fraction * 0x1p31f)) << 1, phasors);
 }
 
-static inline lanes_f uniforms_from_words(lanes_u word) { return fma(convert_lanes_f(word), SPREAD(0x1p-32f), SPREAD(0x1p-33f)); }
+static inline lanes_f uniforms_from_words(lanes_u word) {
+    return fma(convert_lanes_f(word), SPREAD(0x1p-32f), SPREAD(0x1p-33f));
+}
 
 // -ln(u), as minus_log().
 static inline lanes_f minus_logs(lanes_f u) {
@@ -224,8 +228,8 @@ static inline void gaussians_from_words(lanes_u phase, lanes_u magnitude, lanes_
     z->im *= r;
 }
 
-// One of Philox's rounds on HALF_LANES blocks. Each word lies in the lower half of 64 bits, where a product finds and leaves it: no word moves, and
-// what stands above is nobody's.
+// One of Philox's rounds on HALF_LANES blocks. Each word lies in the lower half of 64 bits, where a product finds and
+// leaves it: no word moves, and what stands above is nobody's.
 static inline ALWAYS_INLINE void philox_round(half_ul *c0, half_ul *c1, half_ul *c2, half_ul *c3, uint k0, uint k1) {
     const half_ul p0 = (*c0 & 0xfffffffful) * 0xD2511F53ul, p1 = (*c2 & 0xfffffffful) * 0xCD9E8D57ul;
     *c0 = (p1 >> 32) ^ *c1 ^ (ulong)k0;
@@ -241,13 +245,16 @@ static inline ALWAYS_INLINE void philox_round(half_ul *c0, half_ul *c1, half_ul 
 #else
 #define LOWER_HALVES 0, 4, 2, 6
 #endif
-static inline lanes_u words_of_halves(half_ul even, half_ul odd) { return shuffle_lanes(as_lanes_u(even), as_lanes_u(odd), LOWER_HALVES); }
+static inline lanes_u words_of_halves(half_ul even, half_ul odd) {
+    return shuffle_lanes(as_lanes_u(even), as_lanes_u(odd), LOWER_HALVES);
+}
 
 // image_block() of the columns x, x + 1 ..
 static inline ALWAYS_INLINE void image_blocks(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key,
                                               lanes_words4 *blocks) {
     const half_ul columns = as_half_ul(x + lane_numbers());
-    half_ul even0 = columns, even1 = (half_ul)(row), even2 = (half_ul)(frame_low), even3 = (half_ul)(stream | frame_high << 16);
+    half_ul even0 = columns, even1 = (half_ul)(row), even2 = (half_ul)(frame_low),
+            even3 = (half_ul)(stream | frame_high << 16);
     half_ul odd0 = columns >> 32, odd1 = even1, odd2 = even2, odd3 = even3;
     uint k0 = key.x, k1 = key.y;
 #pragma unroll
@@ -289,8 +296,11 @@ static inline void normal_pairs_from_words(lanes_u word, lanes_f *first, lanes_f
     const lanes_f r = sqrt(fma(convert_lanes_f(exponent), SPREAD(-0.693147182464599609375f), t * p));
     const lanes_f f = convert_lanes_f(as_lanes_i(word * 0xE78DDE6Du)) * 0x1p-34f;
     const lanes_f g = f * f;
-    const lanes_f s = fma(g, fma(g, SPREAD(79.810546875f), SPREAD(-41.331077575683594f)), SPREAD(6.283175945281982f)) * f;
-    const lanes_f c = fma(g, fma(g, fma(g, SPREAD(-83.6659164428711f), SPREAD(64.92322540283203f)), SPREAD(-19.739168167114258f)), SPREAD(1.0f));
+    const lanes_f s =
+        fma(g, fma(g, SPREAD(79.810546875f), SPREAD(-41.331077575683594f)), SPREAD(6.283175945281982f)) * f;
+    const lanes_f c =
+        fma(g, fma(g, fma(g, SPREAD(-83.6659164428711f), SPREAD(64.92322540283203f)), SPREAD(-19.739168167114258f)),
+            SPREAD(1.0f));
     const lanes_f rc = r * c;
     *first = as_lanes_f(as_lanes_u(fma(-r, s, rc)) ^ word << 31);
     *second = as_lanes_f(as_lanes_u(fma(r, s, rc)) ^ (word << 30 & 0x80000000u));

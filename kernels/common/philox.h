@@ -37,15 +37,16 @@
 #define STREAM_HYPOTHESIS 0x60u         // + draw, 0 to 15
 #define STREAM_HYPOTHESIS_FIXED 0x70u   // + draw, 0 to 15
 
-// A call left in a kernel keeps compilers that vectorize across work-items from doing so; clang thinks Philox too large to be inlined twice.
+// A call left in a kernel keeps compilers that vectorize across work-items from doing so; clang thinks Philox too large
+// to be inlined twice.
 #if defined(__clang__) || defined(__GNUC__)
 #define ALWAYS_INLINE __attribute__((always_inline))
 #else
 #define ALWAYS_INLINE
 #endif
 
-// Four words, and two or four floats. Plain structs: compilers that vectorize across work-items (PoCL) give up on OpenCL's own vector
-// types, and on mul_hi.
+// Four words, and two or four floats. Plain structs: compilers that vectorize across work-items (PoCL) give up on
+// OpenCL's own vector types, and on mul_hi.
 typedef struct {
     uint w0, w1, w2, w3;
 } words4;
@@ -64,7 +65,8 @@ static inline ALWAYS_INLINE words4 philox4x32_10(words4 counter, uint2 key) {
 #pragma unroll
     for (int round = 0; round < 10; ++round) {
         const ulong p0 = (ulong)0xD2511F53u * counter.w0, p1 = (ulong)0xCD9E8D57u * counter.w2;
-        const words4 next = {(uint)(p1 >> 32) ^ counter.w1 ^ k0, (uint)p1, (uint)(p0 >> 32) ^ counter.w3 ^ k1, (uint)p0};
+        const words4 next = {(uint)(p1 >> 32) ^ counter.w1 ^ k0, (uint)p1, (uint)(p0 >> 32) ^ counter.w3 ^ k1,
+                             (uint)p0};
         counter = next;
         k0 += 0x9E3779B9u;
         k1 += 0xBB67AE85u;
@@ -73,18 +75,24 @@ static inline ALWAYS_INLINE words4 philox4x32_10(words4 counter, uint2 key) {
 }
 
 // The block of column x and row y mod Q of an image (philox.h of the C API: four rows share a block).
-static inline ALWAYS_INLINE words4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream, uint2 key) {
+static inline ALWAYS_INLINE words4 image_block(uint x, uint row, uint frame_low, uint frame_high, uint stream,
+                                               uint2 key) {
     const words4 counter = {x, row, frame_low, stream | frame_high << 16};
     return philox4x32_10(counter, key);
 }
 
-static inline ALWAYS_INLINE uint word_of(words4 block, uint j) { return j == 0 ? block.w0 : j == 1 ? block.w1 : j == 2 ? block.w2 : block.w3; }
+static inline ALWAYS_INLINE uint word_of(words4 block, uint j) {
+    return j == 0 ? block.w0 : j == 1 ? block.w1 : j == 2 ? block.w2 : block.w3;
+}
 
 // (0, 1].
-static inline ALWAYS_INLINE float uniform_from_word(uint word) { return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f); }
+static inline ALWAYS_INLINE float uniform_from_word(uint word) {
+    return fma(convert_float_rte(word), 0x1p-32f, 0x1p-33f);
+}
 
-// exp(2 pi i word / 2^32). The quadrant is split off exactly in integers; what is left, f in [-1/8, 1/8) turns, goes through
-// minimax polynomials of sin(2 pi f) / f and (cos(2 pi f) - 1) / f^2 in f^2 (errors 5e-12 and 6e-11 before rounding).
+// exp(2 pi i word / 2^32). The quadrant is split off exactly in integers; what is left, f in [-1/8, 1/8) turns, goes
+// through minimax polynomials of sin(2 pi f) / f and (cos(2 pi f) - 1) / f^2 in f^2 (errors 5e-12 and 6e-11 before
+// rounding).
 static inline ALWAYS_INLINE complex_float phasor_from_word(uint word) {
     const uint quadrant = (word + 0x20000000u) >> 30;
     const float f = convert_float_rte((int)(word - (quadrant << 30))) * 0x1p-32f;
@@ -136,12 +144,13 @@ static inline ALWAYS_INLINE float normal_of(normals4 normals, uint j) {
     return j == 0 ? normals.n0 : j == 1 ? normals.n1 : j == 2 ? normals.n2 : normals.n3;
 }
 
-// Two normals from one word, for noise drawn anew for every pixel of every frame: Box-Muller with a radius r = sqrt(-ln u), u the word's
-// uniform, and an angle of the first quadrant, pi / 4 + 2 pi f, f = word K / 2^34 with the product in 32 bits and with its sign; the word's two
-// lowest bits are the signs of the two. The points (u, f) are a lattice, and so are those of each quadrant; K makes both cover the square nearly
-// as evenly as lattices can (shortest vectors of 0.87 of the longest possible). r sqrt(2) cos(pi / 4 + a) = r (cos a - sin a). Minimax
-// polynomials of ln(1 + t) / t (relative error 1.1e-6), sin(2 pi f) / f (1.5e-6) and cos(2 pi f) - 1 (3e-8): a normal is right to 2e-6 of the
-// pair's radius (1.4e-6 was seen).
+// Two normals from one word, for noise drawn anew for every pixel of every frame: Box-Muller with a radius r = sqrt(-ln
+// u), u the word's uniform, and an angle of the first quadrant, pi / 4 + 2 pi f, f = word K / 2^34 with the product in
+// 32 bits and with its sign; the word's two lowest bits are the signs of the two. The points (u, f) are a lattice, and
+// so are those of each quadrant; K makes both cover the square nearly as evenly as lattices can (shortest vectors of
+// 0.87 of the longest possible). r sqrt(2) cos(pi / 4 + a) = r (cos a - sin a). Minimax polynomials of ln(1 + t) / t
+// (relative error 1.1e-6), sin(2 pi f) / f (1.5e-6) and cos(2 pi f) - 1 (3e-8): a normal is right to 2e-6 of the pair's
+// radius (1.4e-6 was seen).
 static inline ALWAYS_INLINE normals2 normal_pair_from_word(uint word) {
     const int bits = as_int(uniform_from_word(word));
     const int exponent = (bits - 0x3f3504f3) >> 23;
@@ -158,12 +167,13 @@ static inline ALWAYS_INLINE normals2 normal_pair_from_word(uint word) {
     const float s = fma(g, fma(g, 79.810546875f, -41.331077575683594f), 6.283175945281982f) * f;
     const float c = fma(g, fma(g, fma(g, -83.6659164428711f, 64.92322540283203f), -19.739168167114258f), 1.0f);
     const float rc = r * c;
-    const normals2 pair = {as_float(as_uint(fma(-r, s, rc)) ^ word << 31), as_float(as_uint(fma(r, s, rc)) ^ (word << 30 & 0x80000000u))};
+    const normals2 pair = {as_float(as_uint(fma(-r, s, rc)) ^ word << 31),
+                           as_float(as_uint(fma(r, s, rc)) ^ (word << 30 & 0x80000000u))};
     return pair;
 }
 
-// exp(x), |x| < 87: x = n ln 2 + r in two parts of ln 2, Taylor polynomial of exp(r), |r| <= ln(2) / 2 (relative error 8e-9 before
-// rounding). Not the built-in: this feeds random numbers.
+// exp(x), |x| < 87: x = n ln 2 + r in two parts of ln 2, Taylor polynomial of exp(r), |r| <= ln(2) / 2 (relative error
+// 8e-9 before rounding). Not the built-in: this feeds random numbers.
 static inline ALWAYS_INLINE float exp_of(float x) {
     const float n = rint(x * 1.44269504f);
     const float r = fma(n, -1.428606765330187e-06f, fma(n, -0.693145751953125f, x));

@@ -1,5 +1,5 @@
-// Dots of a frame: found by a matched filter, their centres by least squares, all dots at once. The equations are in depth.h of the
-// C API. WINDOW: half the side of a dot's window in pixels.
+// Dots of a frame: found by a matched filter, their centres by least squares, all dots at once. The equations are in
+// depth.h of the C API. WINDOW: half the side of a dot's window in pixels.
 #include "common/pixel.h"
 
 #define SIDE (2 * WINDOW + 1)
@@ -29,9 +29,9 @@ __kernel void dot_detector_reset(__global uint *counters) {
 }
 
 // Along a row: the sum with Gaussian weights, and the plain sum. Beyond the border the last pixel counts on.
-__kernel void dot_detector_rows(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width, int height,
-                                __global const float *weights, int radius, __global float *weighted, __global float *plain,
-                                __global uint *counters) {
+__kernel void dot_detector_rows(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width,
+                                int height, __global const float *weights, int radius, __global float *weighted,
+                                __global float *plain, __global uint *counters) {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
@@ -48,8 +48,8 @@ __kernel void dot_detector_rows(__global const pixel_t *image, ulong image_offse
     plain[(ulong)y * width + x] = total;
 }
 
-// The amplitude of the expected dot on an even background that fits best around each pixel: with g the dot, n pixels and energy
-// S = sum g^2 - (sum g)^2 / n, A = (sum g I - mean(g) sum I) / S.
+// The amplitude of the expected dot on an even background that fits best around each pixel: with g the dot, n pixels
+// and energy S = sum g^2 - (sum g)^2 / n, A = (sum g I - mean(g) sum I) / S.
 __kernel void dot_detector_columns(__global const float *weighted, __global const float *plain, int width, int height,
                                    __global const float *weights, int radius, float mean_weight, float inverse_energy,
                                    __global float *response) {
@@ -65,13 +65,14 @@ __kernel void dot_detector_columns(__global const float *weighted, __global cons
     response[(ulong)y * width + x] = fma(-mean_weight, total, sum) * inverse_energy;
 }
 
-// Local maxima of the response that stand out of the noise and look like a dot. map: 0, or 1 + number of the dot at that pixel.
-// noise: variance at black, variance per unit of light, black level, threshold in standard deviations.
+// Local maxima of the response that stand out of the noise and look like a dot. map: 0, or 1 + number of the dot at
+// that pixel. noise: variance at black, variance per unit of light, black level, threshold in standard deviations.
 // shape: least amplitude, least correlation, sqrt of the energy, mean weight; precision: 1 / sigma^2.
-__kernel void dot_detector_maxima(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width, int height,
-                                  __global const float *response, int radius, int separation, float4 noise, float4 shape,
-                                  float precision, uint capacity, __global uint *counters, __global uint *map,
-                                  __global int *places, __global float *state, __global float *results) {
+__kernel void dot_detector_maxima(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width,
+                                  int height, __global const float *response, int radius, int separation, float4 noise,
+                                  float4 shape, float precision, uint capacity, __global uint *counters,
+                                  __global uint *map, __global int *places, __global float *state,
+                                  __global float *results) {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
@@ -96,7 +97,8 @@ __kernel void dot_detector_maxima(__global const pixel_t *image, ulong image_off
     for (int v = -radius; v <= radius; ++v)
         for (int u = -radius; u <= radius; ++u) {
             const float d =
-                pixel_at(image, image_offset, image_pitch, clamp(x + u, 0, width - 1), clamp(y + v, 0, height - 1)) - mean;
+                pixel_at(image, image_offset, image_pitch, clamp(x + u, 0, width - 1), clamp(y + v, 0, height - 1)) -
+                mean;
             square = fma(d, d, square);
         }
     // A constant region has nothing but rounding errors.
@@ -173,10 +175,10 @@ static inline float slopes(const float *p, float dx, float dy, bool fixed, float
     return model;
 }
 
-// Weighted sum of squares of data less the model. normal, gradient: J^T W J and J^T W r, where they are wanted. variance: at background
-// 0 and per unit, relative to the former. fixed: the shape stays.
-static float residuals(const float *data, const float *p, const float *weight_of, float2 variance, bool fixed, bool derivatives,
-                       float *normal, float *gradient) {
+// Weighted sum of squares of data less the model. normal, gradient: J^T W J and J^T W r, where they are wanted.
+// variance: at background 0 and per unit, relative to the former. fixed: the shape stays.
+static float residuals(const float *data, const float *p, const float *weight_of, float2 variance, bool fixed,
+                       bool derivatives, float *normal, float *gradient) {
     if (derivatives)
         for (int i = 0; i < PARAMETERS; ++i) {
             gradient[i] = 0.0f;
@@ -190,8 +192,10 @@ static float residuals(const float *data, const float *p, const float *weight_of
         const float dx = convert_float(k % SIDE - WINDOW) - p[1], dy = convert_float(k / SIDE - WINDOW) - p[2];
         const float e = exp(-0.5f * (p[3] * dx * dx + 2.0f * p[4] * dx * dy + p[5] * dy * dy)), model = p[0] * e;
         const float r = data[k] - model - p[6];
-        // The noise is that of the light of weight_of, a model of before, so that steps are compared by the same weights.
-        const float ux = convert_float(k % SIDE - WINDOW) - weight_of[1], uy = convert_float(k / SIDE - WINDOW) - weight_of[2];
+        // The noise is that of the light of weight_of, a model of before, so that steps are compared by the same
+        // weights.
+        const float ux = convert_float(k % SIDE - WINDOW) - weight_of[1],
+                    uy = convert_float(k / SIDE - WINDOW) - weight_of[2];
         const float light =
             variance.y > 0.0f
                 ? weight_of[6] + weight_of[0] * exp(-0.5f * (weight_of[3] * ux * ux + 2.0f * weight_of[4] * ux * uy +
@@ -215,8 +219,8 @@ static float residuals(const float *data, const float *p, const float *weight_of
     return cost;
 }
 
-// Levenberg and Marquardt's method on data in units of the dot's first amplitude, until steps are below the tolerance. True if it
-// converged.
+// Levenberg and Marquardt's method on data in units of the dot's first amplitude, until steps are below the tolerance.
+// True if it converged.
 static bool fit(const float *data, float *p, float2 variance, bool fixed, float tolerance, uint *iterations) {
     float normal[PARAMETERS * PARAMETERS], damped[PARAMETERS * PARAMETERS], gradient[PARAMETERS], step[PARAMETERS],
         weight_of[PARAMETERS];
@@ -258,9 +262,10 @@ static bool fit(const float *data, float *p, float2 variance, bool fixed, float 
     return false;
 }
 
-// Covariance xx, xy, yy that speckle of squared contrast times correlation area 1 px^2 gives the centre. Of a dot of the expected
-// shape: speckle varies the expected light, not what it made of it.
-static float3 speckle_covariance(const float *data, const float *fitted, float round_precision, float2 variance, bool fixed) {
+// Covariance xx, xy, yy that speckle of squared contrast times correlation area 1 px^2 gives the centre. Of a dot of
+// the expected shape: speckle varies the expected light, not what it made of it.
+static float3 speckle_covariance(const float *data, const float *fitted, float round_precision, float2 variance,
+                                 bool fixed) {
     const float p[PARAMETERS] = {fitted[0], fitted[1], fitted[2], round_precision, 0.0f, round_precision, fitted[6]};
     float normal[PARAMETERS * PARAMETERS], gradient[PARAMETERS];
     float inverse_x[PARAMETERS] = {0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
@@ -275,7 +280,8 @@ static float3 speckle_covariance(const float *data, const float *fitted, float r
         if (data[k] == EXCLUDED)
             continue;
         float j[PARAMETERS];
-        const float light = slopes(p, convert_float(k % SIDE - WINDOW) - p[1], convert_float(k / SIDE - WINDOW) - p[2], fixed, j);
+        const float light =
+            slopes(p, convert_float(k % SIDE - WINDOW) - p[1], convert_float(k / SIDE - WINDOW) - p[2], fixed, j);
         float x = 0.0f, y = 0.0f;
         for (int a = 0; a < PARAMETERS; ++a) {
             x = fma(inverse_x[a], j[a], x);
@@ -301,8 +307,8 @@ static inline bool is_dot(const float *p, float sigma) {
            widest(p) < 4.0f * sigma;
 }
 
-// A Gaussian-weighted centroid of the light above the background, (x, y) from the window's centre: the weight moves with it, and the
-// step is doubled, as a Gaussian dot under a weight of its own width shows half of its distance.
+// A Gaussian-weighted centroid of the light above the background, (x, y) from the window's centre: the weight moves
+// with it, and the step is doubled, as a Gaussian dot under a weight of its own width shows half of its distance.
 static float2 centroid(const float *data, float background, float precision) {
     float cx = 0.0f, cy = 0.0f;
     for (int i = 0; i < 10; ++i) {
@@ -342,11 +348,13 @@ static float ring_mean(const float *data) {
 
 // One pass: every dot is fitted to the frame less the other dots as the pass before saw them.
 // noise: variance at black, variance per unit of light, black level, 1 if the noise is known.
-// limits: expected sigma, saturation, relative sigma of merged dots, squared contrast times correlation area of speckle.
-__kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width, int height,
-                               __global const uint *map, __global const int *places, __global const uint *counters, uint capacity,
-                               float4 noise, float4 limits, __global const float *before, __global float *after,
-                               __global float *results, uint last) {
+// limits: expected sigma, saturation, relative sigma of merged dots, squared contrast times correlation area of
+// speckle.
+__kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset, uint image_pitch, int width,
+                               int height, __global const uint *map, __global const int *places,
+                               __global const uint *counters, uint capacity, float4 noise, float4 limits,
+                               __global const float *before, __global float *after, __global float *results,
+                               uint last) {
     const uint dot = get_global_id(0);
     if (dot >= min(counters[0], capacity))
         return;
@@ -376,7 +384,8 @@ __kernel void dot_detector_fit(__global const pixel_t *image, ulong image_offset
         ++used;
     }
     bool alone = true;
-    // Their light matters as far as their windows reach. In the order of the pixels, whatever the order in which dots were counted.
+    // Their light matters as far as their windows reach. In the order of the pixels, whatever the order in which dots
+    // were counted.
     for (int y = max(py - 2 * WINDOW, 0); y <= min(py + 2 * WINDOW, height - 1); ++y)
         for (int x = max(px - 2 * WINDOW, 0); x <= min(px + 2 * WINDOW, width - 1); ++x) {
             const uint other = map[(ulong)y * width + x];

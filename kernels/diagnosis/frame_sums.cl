@@ -1,6 +1,7 @@
-// Sums over the pixels of every frame of a captured sequence, for the diagnosis (diagnosis/statistics/device_sums.cpp). Each row is summed
-// by sixteen work-items, in single precision, work-item k taking the pixels k, k + 16, ...; the first one adds the sixteen up in
-// double precision, and what is left of the row: the order, and so the bits, of the host's sums (sums.cpp).
+// Sums over the pixels of every frame of a captured sequence, for the diagnosis (diagnosis/statistics/device_sums.cpp).
+// Each row is summed by sixteen work-items, in single precision, work-item k taking the pixels k, k + 16, ...; the
+// first one adds the sixteen up in double precision, and what is left of the row: the order, and so the bits, of the
+// host's sums (sums.cpp).
 #include "common/common.h"
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
@@ -17,11 +18,12 @@ static inline double lane_total(__local const float *lanes) {
 }
 
 // How often each code occurs, and the sum of each row of each frame. histogram: zeros; masked pixels do not count.
-__kernel WORK_GROUP_SIZE void frame_sums_count(__global const ushort *codes, __global const float *weight, uint is_masked,
-                                         uint width, uint height, uint last, __global uint *histogram,
-                                         __global uint *row_sums) {
+__kernel WORK_GROUP_SIZE void frame_sums_count(__global const ushort *codes, __global const float *weight,
+                                               uint is_masked, uint width, uint height, uint last,
+                                               __global uint *histogram, __global uint *row_sums) {
     __local uint partial[ROWS][LANES];
-    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES, frame = get_global_id(1);
+    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES,
+               frame = get_global_id(1);
     uint sum = 0;
     if (y < height) {
         __global const ushort *of_row = codes + ((ulong)frame * height + y) * width;
@@ -42,12 +44,13 @@ __kernel WORK_GROUP_SIZE void frame_sums_count(__global const ushort *codes, __g
     }
 }
 
-// One pixel of all frames: its mean over time, residuals and their variance (make_row() of host_sums.cpp). shifts: offsets + pivot.
-__kernel void frame_sums_residuals(__global const ushort *codes, __global const float *weight, uint is_masked, uint pixels,
-                                   uint frames, float black, float pivot, __global const float *scales,
-                                   __global const float *offsets, __global const float *shifts, uint clipping, uint any_clip,
-                                   float share, float unbiased, __global float *residual, __global float *mean,
-                                   __global float *variance) {
+// One pixel of all frames: its mean over time, residuals and their variance (make_row() of host_sums.cpp). shifts:
+// offsets + pivot.
+__kernel void frame_sums_residuals(__global const ushort *codes, __global const float *weight, uint is_masked,
+                                   uint pixels, uint frames, float black, float pivot, __global const float *scales,
+                                   __global const float *offsets, __global const float *shifts, uint clipping,
+                                   uint any_clip, float share, float unbiased, __global float *residual,
+                                   __global float *mean, __global float *variance) {
     const uint i = get_global_id(0);
     if (i >= pixels)
         return;
@@ -99,7 +102,8 @@ __kernel void frame_sums_residuals(__global const ushort *codes, __global const 
 __kernel WORK_GROUP_SIZE void frame_sums_powers(__global const float *images, uint pixels, uint width, uint rows,
                                           __global double4 *powers) {
     __local float partial[4][ROWS][LANES];
-    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES, image = get_global_id(1);
+    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES,
+               image = get_global_id(1);
     __global const float *values = images + (ulong)image * pixels + (ulong)y * width;
     const uint whole = width / LANES * LANES;
     float s1 = 0.0f, s2 = 0.0f, s3 = 0.0f, s4 = 0.0f;
@@ -127,7 +131,8 @@ __kernel WORK_GROUP_SIZE void frame_sums_powers(__global const float *images, ui
                                                         lane_total(partial[2][row]), lane_total(partial[3][row]));
 }
 
-// One of the host's RowProduct (device_sums.cpp): in frame t the rows a of image a + t a_step, from (ax, ay) on, times the rows b.
+// One of the host's RowProduct (device_sums.cpp): in frame t the rows a of image a + t a_step, from (ax, ay) on, times
+// the rows b.
 typedef struct {
     uint a, a_step, b, b_step;
     uint weight; // image that a is multiplied with first, plus 1; 0: none
@@ -208,7 +213,8 @@ __kernel void frame_sums_bins(__global const float *images, uint pixels, uint wi
     bins[((ulong)image * bins_y + by) * bins_x + bx] = total;
 }
 
-// Sums of absolute differences of neighbours, both unmasked: of each column to the one at its right, of each row to the one below.
+// Sums of absolute differences of neighbours, both unmasked: of each column to the one at its right, of each row to the
+// one below.
 __kernel void frame_sums_edge_columns(__global const ushort *codes, __global const float *weight, uint is_masked,
                                       uint width, uint height, __global uint *columns) {
     const uint x = get_global_id(0), frame = get_global_id(1);
@@ -224,10 +230,11 @@ __kernel void frame_sums_edge_columns(__global const ushort *codes, __global con
     }
     columns[frame * (width - 1) + x] = total;
 }
-__kernel WORK_GROUP_SIZE void frame_sums_edge_rows(__global const ushort *codes, __global const float *weight, uint is_masked,
-                                             uint width, uint height, __global uint *rows) {
+__kernel WORK_GROUP_SIZE void frame_sums_edge_rows(__global const ushort *codes, __global const float *weight,
+                                                   uint is_masked, uint width, uint height, __global uint *rows) {
     __local uint partial[ROWS][LANES];
-    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES, frame = get_global_id(1);
+    const uint lane = get_local_id(0) % LANES, row = get_local_id(0) / LANES, y = get_global_id(0) / LANES,
+               frame = get_global_id(1);
     uint sum = 0;
     if (y + 1 < height)
         for (uint x = lane; x < width; x += LANES) {

@@ -26,9 +26,11 @@ static inline float hypothesis_pixel(hypothesis_frame frame, int x, int y) {
 }
 
 // Columns and rows have 16 bits each; what is above them tells hypotheses apart.
-static inline float hypothesis_normal_of(hypothesis_frame frame, uint x, uint y, uint frame_low, uint frame_high, uint stream) {
+static inline float hypothesis_normal_of(hypothesis_frame frame, uint x, uint y, uint frame_low, uint frame_high,
+                                         uint stream) {
     const uint2 key = {(uint)frame.seed, (uint)(frame.seed >> 32)};
-    return normals_from_block(image_block(x, (y & 0xffffu) | frame.number << 16, frame_low, frame_high, stream, key)).n0;
+    return normals_from_block(image_block(x, (y & 0xffffu) | frame.number << 16, frame_low, frame_high, stream, key))
+        .n0;
 }
 
 // A standard normal number of the pixel (x, y); another one in every frame and sequence, and for every draw, 0 to 15.

@@ -7,9 +7,10 @@ static inline float sinc(float x) {
 }
 
 // The phase as manufactured, at `samples` x `samples` points for each pixel. levels 0: as it is;
-// else multiples of 2 pi / levels above zero_level, which is taken off: the least phase, wherever a cell that repeats begins.
-__kernel void doe_height(__global const float *phase, uint width, uint height, uint samples, uint levels, float zero_level,
-                         __global float *result) {
+// else multiples of 2 pi / levels above zero_level, which is taken off: the least phase, wherever a cell that repeats
+// begins.
+__kernel void doe_height(__global const float *phase, uint width, uint height, uint samples, uint levels,
+                         float zero_level, __global float *result) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= width * samples || y >= height * samples)
         return;
@@ -26,9 +27,10 @@ __kernel void doe_height(__global const float *phase, uint width, uint height, u
     result[(ulong)y * (width * samples) + x] = value;
 }
 
-// A Gaussian blur along one axis: taps 0 .. radius, which together with their mirror images sum to 1. wrap: the design repeats.
-__kernel void doe_blur(__global const float *from, uint width, uint height, uint along_y, uint wrap, __global const float *taps,
-                       uint radius, __global float *to) {
+// A Gaussian blur along one axis: taps 0 .. radius, which together with their mirror images sum to 1. wrap: the design
+// repeats.
+__kernel void doe_blur(__global const float *from, uint width, uint height, uint along_y, uint wrap,
+                       __global const float *taps, uint radius, __global float *to) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
@@ -44,12 +46,12 @@ __kernel void doe_blur(__global const float *from, uint width, uint height, uint
     to[(ulong)y * width + x] = sum;
 }
 
-// The field behind the element. offset: the sample of the design at the field's first one; a design that repeats is taken modulo its
-// size, any other is dark outside. beam (APERTURE only): amplitudes on side x side points over beam_scale.s01 samples about the field's
-// centre; the element ends at beam_scale.s23.
-// noise: RMS of each pixel's own phase error. shift: the field is turned by exp(-2 pi i (a x / width + b y / height)), (a, b) = shift.
-__kernel void doe_field(__global const float *design, uint design_width, uint design_height, uint samples, int offset_x, int offset_y,
-                        uint repeats, float phase_scale,
+// The field behind the element. offset: the sample of the design at the field's first one; a design that repeats is
+// taken modulo its size, any other is dark outside. beam (APERTURE only): amplitudes on side x side points over
+// beam_scale.s01 samples about the field's centre; the element ends at beam_scale.s23. noise: RMS of each pixel's own
+// phase error. shift: the field is turned by exp(-2 pi i (a x / width + b y / height)), (a, b) = shift.
+__kernel void doe_field(__global const float *design, uint design_width, uint design_height, uint samples, int offset_x,
+                        int offset_y, uint repeats, float phase_scale,
 #if HAS_BEAM
                         __global const float *beam, uint side, float4 beam_scale, float noise, uint2 key, float2 shift,
 #endif
@@ -69,12 +71,15 @@ __kernel void doe_field(__global const float *design, uint design_width, uint de
     float angle = phase_scale * design[(ulong)dy * design_width + (uint)dx];
 #if HAS_BEAM
     // Points of the beam's table, corners on its edges.
-    const float bx = ((convert_float(x) + 0.5f - 0.5f * convert_float(width)) / beam_scale.x + 0.5f) * convert_float(side - 1u);
-    const float by = ((convert_float(y) + 0.5f - 0.5f * convert_float(height)) / beam_scale.y + 0.5f) * convert_float(side - 1u);
+    const float bx =
+        ((convert_float(x) + 0.5f - 0.5f * convert_float(width)) / beam_scale.x + 0.5f) * convert_float(side - 1u);
+    const float by =
+        ((convert_float(y) + 0.5f - 0.5f * convert_float(height)) / beam_scale.y + 0.5f) * convert_float(side - 1u);
     const float limit_x = 0.5f * beam_scale.z, limit_y = 0.5f * beam_scale.w; // half the DOE, in samples
     const float px = fabs(convert_float(x) + 0.5f - 0.5f * convert_float(width));
     const float py = fabs(convert_float(y) + 0.5f - 0.5f * convert_float(height));
-    if (bx >= 0.0f && by >= 0.0f && bx <= convert_float(side - 1u) && by <= convert_float(side - 1u) && px <= limit_x && py <= limit_y) {
+    if (bx >= 0.0f && by >= 0.0f && bx <= convert_float(side - 1u) && by <= convert_float(side - 1u) && px <= limit_x &&
+        py <= limit_y) {
         const uint ix = min((uint)bx, side - 2u), iy = min((uint)by, side - 2u);
         const float ax = bx - convert_float(ix), ay = by - convert_float(iy);
         __global const float *row = beam + iy * side + ix;
@@ -87,7 +92,9 @@ __kernel void doe_field(__global const float *design, uint design_width, uint de
         const words4 block = image_block(x / samples, y / samples, 0u, 0u, STREAM_ETCH_NOISE, key);
         angle = fma(noise, normals_from_block(block).n0, angle);
     }
-    angle -= 2.0f * M_PI_F * fma(shift.x, convert_float(x) / convert_float(width), shift.y * (convert_float(y) / convert_float(height)));
+    angle -=
+        2.0f * M_PI_F *
+        fma(shift.x, convert_float(x) / convert_float(width), shift.y * (convert_float(y) / convert_float(height)));
 #endif
     const ulong index = (ulong)y * width + x;
     field[2ul * index] = amplitude * cos(angle);
@@ -95,7 +102,8 @@ __kernel void doe_field(__global const float *design, uint design_width, uint de
 }
 
 // |c|^2 times `scale` of every bin.
-__kernel void doe_order_power(__global const float *field, uint width, uint height, float scale, __global float *power) {
+__kernel void doe_order_power(__global const float *field, uint width, uint height, float scale,
+                              __global float *power) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
@@ -104,8 +112,8 @@ __kernel void doe_order_power(__global const float *field, uint width, uint heig
     power[index] = scale * fma(re, re, im * im);
 }
 
-// The integral of a piecewise constant law up to x, as a combination of the sums at the nodes below and above; sign: -1 at the beginning of
-// an interval.
+// The integral of a piecewise constant law up to x, as a combination of the sums at the nodes below and above; sign: -1
+// at the beginning of an interval.
 static inline void node_weights(float x, int nodes, float sign, int at[2], float weights[2]) {
     const float cx = clamp(x, 0.0f, convert_float(nodes - 1));
     at[0] = min((int)cx, nodes - 2);
@@ -115,9 +123,10 @@ static inline void node_weights(float x, int nodes, float sign, int at[2], float
     weights[1] = sign * f;
 }
 
-// What a spot has between nodes x0 and x1, y0 and y1, in the table's units. Weights of an axis sum to 0, so that sums may be counted from
-// the first node on: exact integers, of which nothing negative comes.
-static inline float spot_part(__global const uint *table, int nodes_x, int nodes_y, float x0, float x1, float y0, float y1) {
+// What a spot has between nodes x0 and x1, y0 and y1, in the table's units. Weights of an axis sum to 0, so that sums
+// may be counted from the first node on: exact integers, of which nothing negative comes.
+static inline float spot_part(__global const uint *table, int nodes_x, int nodes_y, float x0, float x1, float y0,
+                              float y1) {
     int ex[4], ey[4];
     float ax[4], ay[4];
     node_weights(x0, nodes_x, -1.0f, ex, ax);
@@ -142,21 +151,24 @@ static inline float spot_part(__global const uint *table, int nodes_x, int nodes
 
 static inline int modulo(int k, int n) { return (k % n + n) % n; }
 
-// Adds the orders' spots to the texels. In units of texels: axis = where order (0, 0) lies, spacing = from order to order, node = from
-// node to node of the spot's table (s0 to s5). envelope: order m is damped by sinc^2(m / columns), and all orders count; without it only
-// those within the sampling limit. From row first_row on.
-__kernel void doe_add_orders(__global const float *power, int columns, int rows, __global const uint *table, int nodes_x, int nodes_y,
-                             float8 scale, float weight, uint envelope, uint first_row, uint width, uint height,
-                             __global float *texels) {
+// Adds the orders' spots to the texels. In units of texels: axis = where order (0, 0) lies, spacing = from order to
+// order, node = from node to node of the spot's table (s0 to s5). envelope: order m is damped by sinc^2(m / columns),
+// and all orders count; without it only those within the sampling limit. From row first_row on.
+__kernel void doe_add_orders(__global const float *power, int columns, int rows, __global const uint *table,
+                             int nodes_x, int nodes_y, float8 scale, float weight, uint envelope, uint first_row,
+                             uint width, uint height, __global float *texels) {
     const uint i = get_global_id(0), j = first_row + get_global_id(1);
     if (i >= width || j >= height)
         return;
-    const float axis_x = scale.s0, axis_y = scale.s1, spacing_x = scale.s2, spacing_y = scale.s3, node_x = scale.s4, node_y = scale.s5;
+    const float axis_x = scale.s0, axis_y = scale.s1, spacing_x = scale.s2, spacing_y = scale.s3, node_x = scale.s4,
+                node_y = scale.s5;
     const float middle_x = 0.5f * convert_float(nodes_x - 1), middle_y = 0.5f * convert_float(nodes_y - 1);
     const float reach_x = middle_x * node_x, reach_y = middle_y * node_y;
     const float x0 = convert_float(i), y0 = convert_float(j);
-    int m0 = (int)ceil((x0 - reach_x - axis_x) / spacing_x), m1 = (int)floor((x0 + 1.0f + reach_x - axis_x) / spacing_x);
-    int n0 = (int)ceil((y0 - reach_y - axis_y) / spacing_y), n1 = (int)floor((y0 + 1.0f + reach_y - axis_y) / spacing_y);
+    int m0 = (int)ceil((x0 - reach_x - axis_x) / spacing_x),
+        m1 = (int)floor((x0 + 1.0f + reach_x - axis_x) / spacing_x);
+    int n0 = (int)ceil((y0 - reach_y - axis_y) / spacing_y),
+        n1 = (int)floor((y0 + 1.0f + reach_y - axis_y) / spacing_y);
     if (!envelope) {
         m0 = max(m0, -(columns / 2));
         m1 = min(m1, (columns - 1) / 2);
@@ -181,11 +193,12 @@ __kernel void doe_add_orders(__global const float *power, int columns, int rows,
     texels[index] = fma(weight, sum, texels[index]);
 }
 
-// Adds the samples of an aperture's transform to the texels. Bin k lies at k + shift (in bins), holds what is within +-half_width of it,
-// and repeats with the period of the transform under the pixel's envelope. scale: bins per texel along x and y; bin 0 is in the image's
-// centre.
-__kernel void doe_add_samples(__global const float *field, int columns, int rows, float2 scale, float2 shift, float half_width,
-                              float weight, float2 envelope_scale, uint envelope, uint width, uint height, __global float *texels) {
+// Adds the samples of an aperture's transform to the texels. Bin k lies at k + shift (in bins), holds what is within
+// +-half_width of it, and repeats with the period of the transform under the pixel's envelope. scale: bins per texel
+// along x and y; bin 0 is in the image's centre.
+__kernel void doe_add_samples(__global const float *field, int columns, int rows, float2 scale, float2 shift,
+                              float half_width, float weight, float2 envelope_scale, uint envelope, uint width,
+                              uint height, __global float *texels) {
     const uint i = get_global_id(0), j = get_global_id(1);
     if (i >= width || j >= height)
         return;

@@ -1,9 +1,10 @@
 // Smooth random phase screens, correlated in time. core/stages/airflow.hpp has the equations.
 #include "common/philox.h"
 
-// The state: a complex number for each frequency of a box around 0, columns and rows from the lowest frequency to the highest. One
-// work-item a Philox block: four rows of the box. state <- keep * state turned by -k wind + draw * w, w with independent standard normal parts,
-// k the column's frequency bin, wind the part of the grid's width that the screen moves to the right.
+// The state: a complex number for each frequency of a box around 0, columns and rows from the lowest frequency to the
+// highest. One work-item a Philox block: four rows of the box. state <- keep * state turned by -k wind + draw * w, w
+// with independent standard normal parts, k the column's frequency bin, wind the part of the grid's width that the
+// screen moves to the right.
 __kernel void airflow_advance(__global complex_float *state, uint box_width, uint box_height, uint quarter, uint2 key,
                               uint frame_low, uint frame_high, uint substep, float keep, float draw, float wind) {
     const uint x = get_global_id(0), row = get_global_id(1);
@@ -12,7 +13,8 @@ __kernel void airflow_advance(__global complex_float *state, uint box_width, uin
     // Words of 16 bits for the stream: the substep is its upper half.
     const uint stream = STREAM_AIRFLOW | substep << 8;
     const float angle = -2.0f * wind * ((float)x - (float)(box_width / 2u)); // half turns
-    const float turn_re = wind == 0.0f ? keep : keep * cospi(angle), turn_im = wind == 0.0f ? 0.0f : keep * sinpi(angle);
+    const float turn_re = wind == 0.0f ? keep : keep * cospi(angle),
+                turn_im = wind == 0.0f ? 0.0f : keep * sinpi(angle);
     const normals4 re = normals_from_block(image_block(x, row, frame_low, frame_high, stream, key));
     const normals4 im = normals_from_block(image_block(x, row, frame_low, frame_high, stream + 1u, key));
 #define ADVANCE(j, a, b)                                                                                               \
@@ -41,7 +43,8 @@ typedef struct {
 // Whether a frequency, in FFT order, lies in the box, whose sides are odd with frequency 0 in the middle.
 static inline bool in_box(const box_t *b, uint x, uint y) {
     const uint half_width = b->box_width / 2u, half_height = b->box_height / 2u;
-    return (x <= half_width || x >= b->grid_width - half_width) && (y <= half_height || y >= b->grid_height - half_height);
+    return (x <= half_width || x >= b->grid_width - half_width) &&
+           (y <= half_height || y >= b->grid_height - half_height);
 }
 
 // State times the filter, which is a product of one factor for each axis, at a frequency in the box.
@@ -56,7 +59,8 @@ static inline complex_float filtered(const box_t *b, uint x, uint y) {
 }
 
 #if HALVES
-// Of a spectrum V whose inverse transform's real part is wanted: that part's own, (V(f) + conj V(-f)) / 2. Frequency 0 or above it in x.
+// Of a spectrum V whose inverse transform's real part is wanted: that part's own, (V(f) + conj V(-f)) / 2. Frequency 0
+// or above it in x.
 static inline complex_float of_real_part(const box_t *b, uint x, uint y) {
     complex_float sum = {0.0f, 0.0f};
     if (in_box(b, x, y)) {
@@ -68,11 +72,12 @@ static inline complex_float of_real_part(const box_t *b, uint x, uint y) {
     return sum;
 }
 
-// The spectrum of a field of half the width, M, whose numbers' parts are neighbours in a row of the screen: kernels/stages/filter.cl has how.
-// roots: exp(-2 pi i k / 2M).
-__kernel void airflow_spectrum(__global const complex_float *state, uint box_width, uint box_height, __global const float *filter_x,
-                               __global const float *filter_y, __global const complex_float *roots, __global complex_float *spectrum,
-                               uint grid_width, uint grid_height) {
+// The spectrum of a field of half the width, M, whose numbers' parts are neighbours in a row of the screen:
+// kernels/stages/filter.cl has how. roots: exp(-2 pi i k / 2M).
+__kernel void airflow_spectrum(__global const complex_float *state, uint box_width, uint box_height,
+                               __global const float *filter_x, __global const float *filter_y,
+                               __global const complex_float *roots, __global complex_float *spectrum, uint grid_width,
+                               uint grid_height) {
     const uint columns = grid_width / 2u;
     const uint k = get_global_id(0), y = get_global_id(1);
     if (k >= columns || y >= grid_height)
@@ -90,9 +95,9 @@ __kernel void airflow_spectrum(__global const complex_float *state, uint box_wid
 }
 #else
 // V in FFT order, 0 outside the box.
-__kernel void airflow_spectrum(__global const complex_float *state, uint box_width, uint box_height, __global const float *filter_x,
-                               __global const float *filter_y, __global complex_float *spectrum, uint grid_width,
-                               uint grid_height) {
+__kernel void airflow_spectrum(__global const complex_float *state, uint box_width, uint box_height,
+                               __global const float *filter_x, __global const float *filter_y,
+                               __global complex_float *spectrum, uint grid_width, uint grid_height) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;

@@ -1,7 +1,8 @@
 // The image plane behind the lens's aperture.
 //   ACCUMULATE 1     the intensity is added to what there is
 //   SAMPLE_POWERS 1  aperture_intensity takes |V|^2 of the samples, not V
-//   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own samples
+//   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own
+//   samples
 #include "common/common.h"
 
 #if SAMPLE_POWERS
@@ -28,8 +29,8 @@ __kernel void aperture_intensity(__global const sample_t *field, uint grid_width
         return;
     float sum = 0.0f;
 #if PIXEL_TAPS
-    // The taps are centred on the pixel; the field is periodic, and no narrower than they. Counting on: a division for each tap would take longer
-    // than all else.
+    // The taps are centred on the pixel; the field is periodic, and no narrower than they. Counting on: a division for
+    // each tap would take longer than all else.
     const uint first = (PIXEL_TAPS - oversampling) / 2u;
     const uint left = (x * oversampling + grid_width - first) % grid_width;
     uint row = (y * oversampling + grid_height - first) % grid_height;
@@ -44,7 +45,8 @@ __kernel void aperture_intensity(__global const sample_t *field, uint grid_width
         row = row + 1u == grid_height ? 0u : row + 1u;
         sum = fma(taps[j], row_sum, sum);
     }
-    // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark places.
+    // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark
+    // places.
     sum = fmax(sum, 0.0f) * weight;
 #else
     for (uint j = 0; j < oversampling; ++j)
@@ -58,10 +60,11 @@ __kernel void aperture_intensity(__global const sample_t *field, uint grid_width
     intensity[intensity_offset + (ulong)y * intensity_pitch + x] = sum;
 }
 
-// Incoherent light: no speckle, the same mean. factor is the pupil's mean transmission. in and out may be the same pixels.
-__kernel void aperture_incoherent(__global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch, float factor,
-                                  __global float *intensity, ulong intensity_offset, uint intensity_pitch, uint width, uint height,
-                                  __global uint *bad) {
+// Incoherent light: no speckle, the same mean. factor is the pupil's mean transmission. in and out may be the same
+// pixels.
+__kernel void aperture_incoherent(__global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch,
+                                  float factor, __global float *intensity, ulong intensity_offset, uint intensity_pitch,
+                                  uint width, uint height, __global uint *bad) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x < width && y < height)
         intensity[intensity_offset + (ulong)y * intensity_pitch + x] =
@@ -69,7 +72,8 @@ __kernel void aperture_incoherent(__global const float *irradiance, ulong irradi
 }
 
 // No light at all.
-__kernel void aperture_dark(__global float *intensity, ulong intensity_offset, uint intensity_pitch, uint width, uint height) {
+__kernel void aperture_dark(__global float *intensity, ulong intensity_offset, uint intensity_pitch, uint width,
+                            uint height) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x < width && y < height)
         intensity[intensity_offset + (ulong)y * intensity_pitch + x] = 0.0f;

@@ -1,5 +1,6 @@
-// aperture_intensity over pixels' areas from the samples' powers, with explicit vectors for CPU devices: the taps along y, then those along x.
-// A work-item makes a row of pixels. It is PIXEL_TAPS + PIXEL_TAPS sums for a pixel where aperture.cl has PIXEL_TAPS * PIXEL_TAPS.
+// aperture_intensity over pixels' areas from the samples' powers, with explicit vectors for CPU devices: the taps along
+// y, then those along x. A work-item makes a row of pixels. It is PIXEL_TAPS + PIXEL_TAPS sums for a pixel where
+// aperture.cl has PIXEL_TAPS * PIXEL_TAPS.
 //   ACCUMULATE, PIXEL_TAPS as in aperture.cl
 #include "common/lanes.h"
 
@@ -50,7 +51,8 @@ __kernel void aperture_pixels_lanes(__global const float *powers, uint grid_widt
             }
             sum = vload_lanes(0, sums);
         }
-        // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark places.
+        // The taps stand for an integral, whose value cannot fall below 0; theirs can, by a rounding's worth at dark
+        // places.
         sum = fmax(sum, SPREAD(0.0f)) * SPREAD(weight);
 #if ACCUMULATE
         sum += load_some(before + before_offset + (ulong)y * before_pitch + x, count);

@@ -3,7 +3,8 @@
 
 #define TILE_PX 16
 
-// No built-in exp, log2 or pow: these let compilers vectorize (PoCL calls the built-ins one by one), and all devices agree.
+// No built-in exp, log2 or pow: these let compilers vectorize (PoCL calls the built-ins one by one), and all devices
+// agree.
 
 // exp(g) for |g| <= ln(2) / 2: Cephes's polynomial of expf, error 1e-7.
 static inline float exp_near_0(float g) {
@@ -22,7 +23,8 @@ static inline float exp_of_minus(float t) {
     return exp_near_0(g) * as_float((127 - (int)k) << 23);
 }
 
-// x^power / 2 for x >= 0 and power >= 1, at most 128. x = 2^e m with m in [sqrt(1/2), sqrt(2)), log(m) by Cephes's polynomial of logf.
+// x^power / 2 for x >= 0 and power >= 1, at most 128. x = 2^e m with m in [sqrt(1/2), sqrt(2)), log(m) by Cephes's
+// polynomial of logf.
 static inline float half_power(float x, float power) {
     const int bits = as_int(x), e = (bits - 0x3f3504f3) >> 23;
     const float m = as_float(bits - (int)((uint)e << 23)) - 1.0f;
@@ -58,9 +60,9 @@ static inline float profile(float u, float v, float cosine, float sine, float sk
 #endif
 }
 
-// The dots of a tile at the pixels of one of its rows, summed in the order of their indices. A position is the nearest pixel and the
-// rest, so that the difference from a pixel is good to 3e-8 px anywhere in the image. The loop over the pixels is the inner one for the
-// sake of CPUs, whose compilers vectorize nothing but innermost loops.
+// The dots of a tile at the pixels of one of its rows, summed in the order of their indices. A position is the nearest
+// pixel and the rest, so that the difference from a pixel is good to 3e-8 px anywhere in the image. The loop over the
+// pixels is the inner one for the sake of CPUs, whose compilers vectorize nothing but innermost loops.
 static inline void dots_of_row(uint tile_x, uint y, uint tiles_x, __global const uint *first,
                                __global const uint *members, __global const int *nearest, __global const float *shape,
                                float cosine, float sine, float skew_sixth, float power, float *sums) {
@@ -83,8 +85,8 @@ static inline void dots_of_row(uint tile_x, uint y, uint tiles_x, __global const
     }
 }
 
-// first: of each tile the first index into members, and the end; members: dots that reach the tile. nearest: x, y of the nearest pixel;
-// shape: what is left of the position in x and y, 1 / sigma, peak. One work-item: a row of a tile.
+// first: of each tile the first index into members, and the end; members: dots that reach the tile. nearest: x, y of
+// the nearest pixel; shape: what is left of the position in x and y, 1 / sigma, peak. One work-item: a row of a tile.
 __kernel void dots_render(__global const uint *first, __global const uint *members, __global const int *nearest,
                           __global const float *shape, float cosine, float sine, float skew_sixth, float power,
                           uint tiles_x, uint width, uint height, float kept, float background,

@@ -1,5 +1,5 @@
-// One sample of the field that leaves the surface towards the lens: U = sqrt(I0) z, with what the surface, the laser's lines and the air
-// do to it. The equations are in aperture.h and pipeline.h of the C API.
+// One sample of the field that leaves the surface towards the lens: U = sqrt(I0) z, with what the surface, the laser's
+// lines and the air do to it. The equations are in aperture.h and pipeline.h of the C API.
 //   MATERIALS 1  a table says for each pixel's material how much of the light stays coherent and how it is polarized
 //   COHERENT 1   the same coherent fraction everywhere (MATERIALS 0)
 //   LINES 1      one of several laser lines: the phase turns by k s h, h the surface's height
@@ -12,11 +12,12 @@
 #include "stages/phase_state.h"
 #include "common/phasor.h"
 
-// What kernels that make the field are given for it, and how they hand it on: with the oversampling as they know it, best a constant.
+// What kernels that make the field are given for it, and how they hand it on: with the oversampling as they know it,
+// best a constant.
 #if MATERIALS
-#define FIELD_SURFACE_PARAMETERS                                                                                                           \
-    , __global const uchar *material, ulong material_offset, uint material_pitch, uint material_count, __global const float *table,        \
-        __global uint *bad_material
+#define FIELD_SURFACE_PARAMETERS                                                                                       \
+    , __global const uchar *material, ulong material_offset, uint material_pitch, uint material_count,                 \
+        __global const float *table, __global uint *bad_material
 #define FIELD_SURFACE_ARGUMENTS , material, material_offset, material_pitch, material_count, table, bad_material
 #elif COHERENT
 #define FIELD_SURFACE_PARAMETERS , float random_amplitude, float coherent_amplitude
@@ -39,13 +40,14 @@
 #define FIELD_SCREEN_PARAMETERS
 #define FIELD_SCREEN_ARGUMENTS
 #endif
-#define FIELD_PARAMETERS                                                                                                                   \
-    __global const state_word *state, ulong samples, ulong first, uint grid_width, uint grid_height, uint polarization,                    \
-        __global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch, uint width, uint height,                         \
+#define FIELD_PARAMETERS                                                                                               \
+    __global const state_word *state, ulong samples, ulong first, uint grid_width, uint grid_height,                   \
+        uint polarization, __global const float *irradiance, ulong irradiance_offset, uint irradiance_pitch,           \
+        uint width, uint height,                                                                                       \
         uint oversampling FIELD_SURFACE_PARAMETERS FIELD_LINE_PARAMETERS FIELD_SCREEN_PARAMETERS
-#define FIELD_ARGUMENTS(samples_per_pixel)                                                                                                 \
-    state, samples, first, grid_width, grid_height, polarization, irradiance, irradiance_offset, irradiance_pitch, width, height,          \
-        samples_per_pixel FIELD_SURFACE_ARGUMENTS FIELD_LINE_ARGUMENTS FIELD_SCREEN_ARGUMENTS
+#define FIELD_ARGUMENTS(samples_per_pixel)                                                                             \
+    state, samples, first, grid_width, grid_height, polarization, irradiance, irradiance_offset, irradiance_pitch,     \
+        width, height, samples_per_pixel FIELD_SURFACE_ARGUMENTS FIELD_LINE_ARGUMENTS FIELD_SCREEN_ARGUMENTS
 
 // Without padding every sample belongs to the pixel that it lies in.
 #if PADDED
@@ -80,11 +82,14 @@ static inline ALWAYS_INLINE field_input_t field_input(FIELD_PARAMETERS, size_t x
 // Neither negative nor infinite nor NaN: the bits of those are larger, once -0 is 0.
 static inline ALWAYS_INLINE bool is_irradiance(float value) { return as_uint(value + 0.0f) < 0x7f800000u; }
 
-// Its square root, to 3 ulp from 1e-35 on; below that it falls short. A root that rounds right is a branch on GPUs, and so a wait between two reads.
+// Its square root, to 3 ulp from 1e-35 on; below that it falls short. A root that rounds right is a branch on GPUs, and
+// so a wait between two reads.
 static inline ALWAYS_INLINE float root_of(float irradiance) { return irradiance * rsqrt(fmax(irradiance, 1e-37f)); }
 
-// U of sample (x, y). *wrong becomes 1 if a pixel was no irradiance, or its material not in the table: field_report() then tells.
-static inline ALWAYS_INLINE complex_float field_value(FIELD_PARAMETERS, field_input_t input, uint *wrong, size_t x, uint y) {
+// U of sample (x, y). *wrong becomes 1 if a pixel was no irradiance, or its material not in the table: field_report()
+// then tells.
+static inline ALWAYS_INLINE complex_float field_value(FIELD_PARAMETERS, field_input_t input, uint *wrong, size_t x,
+                                                      uint y) {
     *wrong |= is_irradiance(input.irradiance) ? 0u : 1u;
     float amplitude = root_of(is_irradiance(input.irradiance) ? input.irradiance : 0.0f);
     complex_float z = input.z;

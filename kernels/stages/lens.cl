@@ -1,12 +1,14 @@
-// What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the C API.
+// What a lens does beside diffraction: distortion, glare, ambient light, vignetting. The equations are in lens.h of the
+// C API.
 #include "common/common.h"
 #include "stages/vignetting.h"
 
 #if DISTORT_SHIFT
 
-// Vectors between pixels, (x, y) in pixels, as the lens shows them: the nearest one to each pixel's source, times the inverse of J, the
-// slope of the map u from distorted pixels to ideal ones, since u(q) + s = u(q + J^-1 s) to first order. J is taken from differences of
-// the displacement u(q) - q: central, one-sided at the border. Where the source lies outside there is no shift.
+// Vectors between pixels, (x, y) in pixels, as the lens shows them: the nearest one to each pixel's source, times the
+// inverse of J, the slope of the map u from distorted pixels to ideal ones, since u(q) + s = u(q + J^-1 s) to first
+// order. J is taken from differences of the displacement u(q) - q: central, one-sided at the border. Where the source
+// lies outside there is no shift.
 __kernel void lens_distort_shift(__global const float *ideal, ulong ideal_offset, uint ideal_pitch,
                                  __global const float *displacement, __global float *distorted, ulong distorted_offset,
                                  uint distorted_pitch, uint width, uint height) {
@@ -31,7 +33,8 @@ __kernel void lens_distort_shift(__global const float *ideal, ulong ideal_offset
     const float xy = per_y * (at[2 * (int)below] - at[-2 * (int)above]);
     const float yy = fma(per_y, at[2 * (int)below + 1] - at[-2 * (int)above + 1], 1.0f);
     const float determinant = fma(xx, yy, -xy * yx);
-    // The map is one to one where the lens was accepted; differences over a pixel may say otherwise only next to a fold.
+    // The map is one to one where the lens was accepted; differences over a pixel may say otherwise only next to a
+    // fold.
     if (!(determinant > 0.0f)) {
         out[0] = shift_x;
         out[1] = shift_y;
@@ -47,8 +50,8 @@ __kernel void lens_distort_shift(__global const float *ideal, ulong ideal_offset
 #define INTERPOLATION_LINEAR 1
 #define INTERPOLATION_CUBIC 2
 
-// component_t comes from the options (-DCOMPONENT=float): the type of a component; COMPONENTS of them make a pixel. A source
-// outside the image gives OUTSIDE.
+// component_t comes from the options (-DCOMPONENT=float): the type of a component; COMPONENTS of them make a pixel. A
+// source outside the image gives OUTSIDE.
 typedef COMPONENT component_t;
 
 #if INTERPOLATION == INTERPOLATION_CUBIC
@@ -66,8 +69,8 @@ static inline weights4 cubic_weights(float f) {
 
 static inline int clamped(int i, uint count) { return clamp(i, 0, (int)count - 1); }
 
-// displacement: from each pixel of the distorted image to its source in the ideal one, in pixels: floats hold it, where they would
-// not hold the position of a pixel far from the origin.
+// displacement: from each pixel of the distorted image to its source in the ideal one, in pixels: floats hold it, where
+// they would not hold the position of a pixel far from the origin.
 __kernel void lens_distort(__global const component_t *ideal, ulong ideal_offset, uint ideal_pitch,
                            __global const float *displacement, __global component_t *distorted, ulong distorted_offset,
                            uint distorted_pitch, uint width, uint height) {
@@ -130,14 +133,14 @@ __kernel void lens_distort(__global const component_t *ideal, ulong ideal_offset
 #else
 
 // out = (ambient + (1 - g) light + g glare) v(x, y): v = (1 - corner_loss r^2), r^2 = |position|^2 / unit^2, times
-// cos^4 = 1 / (1 + (x/fx)^2 + (y/fy)^2)^2. optics: principal point (x, y), 1 / unit^2, corner loss; inverse_focal: 1 / fx, 1 / fy.
-// light and output may be the same pixels.
+// cos^4 = 1 / (1 + (x/fx)^2 + (y/fy)^2)^2. optics: principal point (x, y), 1 / unit^2, corner loss; inverse_focal: 1 /
+// fx, 1 / fy. light and output may be the same pixels.
 __kernel void lens_finish(__global const float *light, ulong light_offset, uint light_pitch,
 #if GLARE
                           __global const float *spread, uint spread_width, float glare_fraction,
 #endif
-                          float ambient, float4 optics, float2 inverse_focal, __global float *output, ulong output_offset,
-                          uint output_pitch, uint width, uint height) {
+                          float ambient, float4 optics, float2 inverse_focal, __global float *output,
+                          ulong output_offset, uint output_pitch, uint width, uint height) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;

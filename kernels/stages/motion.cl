@@ -1,6 +1,6 @@
 // How far each pixel's surface point has moved since the last frame. The equations are in motion.h of the C API.
-//   MODE 0: the point's previous position, 1: one rigid transform, 2: one for each material, 3: motion vectors and the previous frame.
-//   HAS_HISTORY 1: the previous frame's own depth or position, to find what was hidden.
+//   MODE 0: the point's previous position, 1: one rigid transform, 2: one for each material, 3: motion vectors and the
+//   previous frame. HAS_HISTORY 1: the previous frame's own depth or position, to find what was hidden.
 #include "common/common.h"
 
 typedef struct {
@@ -63,26 +63,29 @@ static inline point_t point_at(float depth, float x, float y, float4 intrinsics,
 }
 
 #if HAS_POSITION
-#define POINT_PARAMETERS __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
+#define POINT_PARAMETERS                                                                                               \
+    __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
 #define POINT_AT(x, y) load_point(position, position_offset, position_pitch, position_stride, x, y)
 #else
 #define POINT_PARAMETERS __global const float *depth, ulong depth_offset, uint depth_pitch
-#define POINT_AT(x, y)                                                                                                                     \
-    point_at(depth[depth_offset + (ulong)(y) * depth_pitch + (x)], convert_float(x), convert_float(y), intrinsics, DEPTH_ALONG_RAY)
+#define POINT_AT(x, y)                                                                                                 \
+    point_at(depth[depth_offset + (ulong)(y)*depth_pitch + (x)], convert_float(x), convert_float(y), intrinsics,       \
+             DEPTH_ALONG_RAY)
 #endif
 #if HISTORY_POSITION
 #define HISTORY_PARAMETERS __global const float *history, ulong history_offset, uint history_pitch, uint history_stride
 #define HISTORY_AT(x, y) load_point(history, history_offset, history_pitch, history_stride, x, y)
 #else
 #define HISTORY_PARAMETERS __global const float *history, ulong history_offset, uint history_pitch
-#define HISTORY_AT(x, y)                                                                                                                   \
-    point_at(history[history_offset + (ulong)(y) * history_pitch + (x)], convert_float(x), convert_float(y), intrinsics, DEPTH_ALONG_RAY)
+#define HISTORY_AT(x, y)                                                                                               \
+    point_at(history[history_offset + (ulong)(y)*history_pitch + (x)], convert_float(x), convert_float(y), intrinsics, \
+             DEPTH_ALONG_RAY)
 #endif
 
 // table: five floats a material: 1 / lateral length, 1 / axial length, 1 / rotation angle, 1 / correlation time, 0.
 // bodies: R - I in s0..s8, t in s9..sb, the angle of R in sc; [R|t] takes points from this frame to the previous one.
-__kernel void motion_compute(uint width, uint height, float4 intrinsics, float frame_time, float threshold, float tolerance,
-                             POINT_PARAMETERS,
+__kernel void motion_compute(uint width, uint height, float4 intrinsics, float frame_time, float threshold,
+                             float tolerance, POINT_PARAMETERS,
 #if HAS_MATERIAL
                              __global const uchar *material, ulong material_offset, uint material_pitch,
 #endif
@@ -95,7 +98,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
                              __global const float *motion, ulong motion_offset, uint motion_pitch,
 #endif
 #if MODE == 0
-                             __global const float *previous, ulong previous_offset, uint previous_pitch, uint previous_stride,
+                             __global const float *previous, ulong previous_offset, uint previous_pitch,
+                             uint previous_stride,
 #endif
 #if HAS_HISTORY
                              HISTORY_PARAMETERS,
@@ -105,7 +109,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
 #endif
 #if HAS_NORMALS
                              __global const float *normal, ulong normal_offset, uint normal_pitch, uint normal_stride,
-                             __global const float *old_normal, ulong old_normal_offset, uint old_normal_pitch, uint old_normal_stride,
+                             __global const float *old_normal, ulong old_normal_offset, uint old_normal_pitch,
+                             uint old_normal_stride,
 #endif
 #if OUT_PATH
                              __global float *path_image, ulong path_offset, uint path_pitch,
@@ -153,8 +158,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
 #elif MODE == 1 || MODE == 2
 #if MODE == 2
         __global const float *b = bodies + 16u * id;
-        const float16 body =
-            (float16)(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], 0.0f, 0.0f, 0.0f);
+        const float16 body = (float16)(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12],
+                                       0.0f, 0.0f, 0.0f);
 #endif
         // X - (R X + t), with R - I so that small motions keep their digits.
         delta.x = -fma(body.s0, now.x, fma(body.s1, now.y, fma(body.s2, now.z, body.s9)));
@@ -168,7 +173,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
         shift_y = m[1];
         wrong = !(isfinite(shift_x) && isfinite(shift_y));
 #elif OUT_SHIFT || HAS_HISTORY
-        // Projection before minus projection now: f (X'/Z' - X/Z) with X' = X - delta, written so that no digits cancel.
+        // Projection before minus projection now: f (X'/Z' - X/Z) with X' = X - delta, written so that no digits
+        // cancel.
         const float z_before = now.z - delta.z;
         const float scale = 1.0f / (now.z * z_before);
         if (z_before > 0.0f) {
@@ -201,7 +207,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
             moved = true;
 #endif
 #if MODE == 3
-        // The depth where the point was, between the four pixels around if they show the same surface: 1/Z is linear over a plane's image.
+        // The depth where the point was, between the four pixels around if they show the same surface: 1/Z is linear
+        // over a plane's image.
         float depth_before = nearest.z;
         const float low_u = floor(u), low_v = floor(v), part_u = u - low_u, part_v = v - low_v;
         if (!moved && !wrong && (part_u != 0.0f || part_v != 0.0f) && low_u >= 0.0f && low_v >= 0.0f &&
@@ -217,7 +224,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
                 depth_before = nearest.z / (1.0f + fma(part_v, lower, (1.0f - part_v) * upper));
             }
         }
-        // x Z - x' Z' of the directions x = (pixel - c) / f, written so that no digits cancel; nothing where pixel and depth stay.
+        // x Z - x' Z' of the directions x = (pixel - c) / f, written so that no digits cancel; nothing where pixel and
+        // depth stay.
         delta.z = now.z - depth_before;
         delta.x = ((convert_float(x) - intrinsics.z) * delta.z - shift_x * depth_before) / intrinsics.x;
         delta.y = ((convert_float(y) - intrinsics.w) * delta.z - shift_y * depth_before) / intrinsics.y;
@@ -227,7 +235,8 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
         if (!moved && !wrong) {
             const point_t n = load_point(normal, normal_offset, normal_pitch, normal_stride, x, y);
 #if MODE == 3
-            const point_t o = load_point(old_normal, old_normal_offset, old_normal_pitch, old_normal_stride, (uint)old_x, (uint)old_y);
+            const point_t o = load_point(old_normal, old_normal_offset, old_normal_pitch, old_normal_stride,
+                                         (uint)old_x, (uint)old_y);
 #else
             const point_t o = load_point(old_normal, old_normal_offset, old_normal_pitch, old_normal_stride, x, y);
 #endif
@@ -240,18 +249,20 @@ __kernel void motion_compute(uint width, uint height, float4 intrinsics, float f
 #endif
 #if MODE == 3 && ROLL
         if (!moved && !wrong) {
-            // The motion of a surface that turns by a about the viewing axis has the curl 2 sin a. Differences are taken over neighbors
-            // on the same surface.
+            // The motion of a surface that turns by a about the viewing axis has the curl 2 sin a. Differences are
+            // taken over neighbors on the same surface.
             float slope[2] = {0.0f, 0.0f}; // d motion_y / dx, d motion_x / dy
             for (uint axis = 0; axis < 2; ++axis) {
                 float ends[2] = {axis == 0 ? shift_y : shift_x, axis == 0 ? shift_y : shift_x};
                 float distance = 0.0f;
                 for (uint side = 0; side < 2; ++side) {
-                    const int nx = (int)x + (axis == 0 ? 2 * (int)side - 1 : 0), ny = (int)y + (axis == 1 ? 2 * (int)side - 1 : 0);
+                    const int nx = (int)x + (axis == 0 ? 2 * (int)side - 1 : 0),
+                              ny = (int)y + (axis == 1 ? 2 * (int)side - 1 : 0);
                     if (nx < 0 || ny < 0 || nx >= (int)width || ny >= (int)height)
                         continue;
                     const point_t there = POINT_AT((uint)nx, (uint)ny);
-                    const float value = motion[motion_offset + (ulong)ny * motion_pitch + 2u * (uint)nx + (axis == 0 ? 1u : 0u)];
+                    const float value =
+                        motion[motion_offset + (ulong)ny * motion_pitch + 2u * (uint)nx + (axis == 0 ? 1u : 0u)];
                     bool same = fabs(there.z - now.z) <= tolerance * fabs(now.z) && isfinite(value);
 #if HAS_MATERIAL
                     same = same && material[material_offset + (ulong)ny * material_pitch + nx] == given;

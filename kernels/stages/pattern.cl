@@ -2,7 +2,8 @@
 #include "common/common.h"
 
 #if HAS_POSITION
-#define GEOMETRY_PARAMETERS __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
+#define GEOMETRY_PARAMETERS                                                                                            \
+    __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
 #define GEOMETRY position, position_offset, position_pitch, position_stride
 #else
 #define GEOMETRY_PARAMETERS __global const float *depth, ulong depth_offset, uint depth_pitch, float4 intrinsics
@@ -49,7 +50,8 @@ static inline float2 texel_of(float3 laser_point, float inverse_d, float4 extent
 #define LEAST_FOOTPRINT 0.0625f
 
 // The integral of linear interpolation between texels up to x, as a combination of the sums before three edges:
-// (1-f)^2/2 S[i] + (1/2 + f - f^2) S[i+1] + f^2/2 S[i+2], i the texel below x, f what remains. sign: -1 at the beginning of an interval.
+// (1-f)^2/2 S[i] + (1/2 + f - f^2) S[i+1] + f^2/2 S[i+2], i the texel below x, f what remains. sign: -1 at the
+// beginning of an interval.
 static inline void integral_weights(float x, int count, float sign, int edges[3], float weights[3]) {
     const float cx = clamp(x, -1.0f, convert_float(count));
     const float whole = floor(cx);
@@ -62,9 +64,11 @@ static inline void integral_weights(float x, int count, float sign, int edges[3]
 }
 
 // The mean over a rectangle of wx by wy texels around (x, y).
-static inline float area_mean(__global const uint *sums, float unit, int width, int height, float x, float y, float wx, float wy) {
+static inline float area_mean(__global const uint *sums, float unit, int width, int height, float x, float y, float wx,
+                              float wy) {
     // Outside, or not a number.
-    if (!(x + 0.5f * wx > -1.0f && y + 0.5f * wy > -1.0f && x - 0.5f * wx < convert_float(width) && y - 0.5f * wy < convert_float(height)))
+    if (!(x + 0.5f * wx > -1.0f && y + 0.5f * wy > -1.0f && x - 0.5f * wx < convert_float(width) &&
+          y - 0.5f * wy < convert_float(height)))
         return 0.0f;
     int ex[6], ey[6];
     float ax[6], ay[6];
@@ -93,19 +97,22 @@ static inline float area_mean(__global const uint *sums, float unit, int width, 
 }
 
 // The step of the pattern coordinates to the nearer of two neighbouring pixels; (0, 0) if neither shows a surface.
-static inline float2 nearer_step(uint x, uint y, int dx, int dy, uint width, uint height, float2 here, GEOMETRY_PARAMETERS, float16 pose,
-                                 float4 extent, int texels_width, int texels_height) {
+static inline float2 nearer_step(uint x, uint y, int dx, int dy, uint width, uint height, float2 here,
+                                 GEOMETRY_PARAMETERS, float16 pose, float4 extent, int texels_width,
+                                 int texels_height) {
     float2 best = (float2)(0.0f, 0.0f);
     float least = FLT_MAX;
     for (int side = -1; side <= 1; side += 2) {
         const int nx = (int)x + side * dx, ny = (int)y + side * dy;
         float3 point;
-        if (nx < 0 || ny < 0 || nx >= (int)width || ny >= (int)height || !point_at((uint)nx, (uint)ny, GEOMETRY, &point))
+        if (nx < 0 || ny < 0 || nx >= (int)width || ny >= (int)height ||
+            !point_at((uint)nx, (uint)ny, GEOMETRY, &point))
             continue;
         const float3 laser_point = in_laser_frame(pose, point);
         if (!(laser_point.z > 0.0f))
             continue;
-        const float2 there = texel_of(laser_point, 1.0f / sqrt(dot(laser_point, laser_point)), extent, texels_width, texels_height);
+        const float2 there =
+            texel_of(laser_point, 1.0f / sqrt(dot(laser_point, laser_point)), extent, texels_width, texels_height);
         const float2 step = (there - here) * convert_float(side);
         const float length2 = dot(step, step);
         if (length2 < least) {
@@ -117,7 +124,8 @@ static inline float2 nearer_step(uint x, uint y, int dx, int dy, uint width, uin
 }
 
 // The mean over a pixel's footprint, in FILTER_TAPS x FILTER_TAPS rectangles along its own axes.
-static inline float footprint_mean(__global const uint *sums, float unit, int width, int height, float2 centre, float2 along_x, float2 along_y) {
+static inline float footprint_mean(__global const uint *sums, float unit, int width, int height, float2 centre,
+                                   float2 along_x, float2 along_y) {
     const float wx = fmax(LEAST_FOOTPRINT, hypot(along_x.x, along_y.x) / FILTER_TAPS);
     const float wy = fmax(LEAST_FOOTPRINT, hypot(along_x.y, along_y.y) / FILTER_TAPS);
     float sum = 0.0f;
@@ -130,7 +138,8 @@ static inline float footprint_mean(__global const uint *sums, float unit, int wi
     return sum / (FILTER_TAPS * FILTER_TAPS);
 }
 #else
-// A bilinear lookup in float arithmetic: texture units interpolate with 8 bits and differ between devices. (x, y) in texels, 0 at the first texel's centre.
+// A bilinear lookup in float arithmetic: texture units interpolate with 8 bits and differ between devices. (x, y) in
+// texels, 0 at the first texel's centre.
 static inline float bilinear(__global const float *texels, int width, int height, float x, float y) {
     // Outside, or not a number: nothing, and no conversion that overflows.
     if (!(x >= -0.5f && y >= -0.5f && x <= (float)width - 0.5f && y <= (float)height - 0.5f))
@@ -143,15 +152,15 @@ static inline float bilinear(__global const float *texels, int width, int height
 }
 #endif
 
-// pose: the rows of [R|t], laser from geometry, in s0..s11. extent: half_extent_x, half_extent_y, power_scale, and with AREA_FILTER the
-// unit of the summed-area table that takes the texels' place.
+// pose: the rows of [R|t], laser from geometry, in s0..s11. extent: half_extent_x, half_extent_y, power_scale, and with
+// AREA_FILTER the unit of the summed-area table that takes the texels' place.
 #if AREA_FILTER
 #define TEXEL uint
 #else
 #define TEXEL float
 #endif
-__kernel void pattern_lookup(__global const TEXEL *texels, int texels_width, int texels_height, float4 extent, float16 pose,
-                             uint width, uint height, GEOMETRY_PARAMETERS,
+__kernel void pattern_lookup(__global const TEXEL *texels, int texels_width, int texels_height, float4 extent,
+                             float16 pose, uint width, uint height, GEOMETRY_PARAMETERS,
 #if HAS_NORMAL
                              __global const float *normal, ulong normal_offset, uint normal_pitch, uint normal_stride,
 #endif
@@ -194,9 +203,12 @@ __kernel void pattern_lookup(__global const TEXEL *texels, int texels_width, int
         const float axis_cosine = laser_point.z * inverse_d;
         const float2 texel = texel_of(laser_point, inverse_d, extent, texels_width, texels_height);
 #if AREA_FILTER
-        const float2 along_x = nearer_step(x, y, 1, 0, width, height, texel, GEOMETRY, pose, extent, texels_width, texels_height);
-        const float2 along_y = nearer_step(x, y, 0, 1, width, height, texel, GEOMETRY, pose, extent, texels_width, texels_height);
-        float intensity = extent.z * footprint_mean(texels, extent.w, texels_width, texels_height, texel, along_x, along_y);
+        const float2 along_x =
+            nearer_step(x, y, 1, 0, width, height, texel, GEOMETRY, pose, extent, texels_width, texels_height);
+        const float2 along_y =
+            nearer_step(x, y, 0, 1, width, height, texel, GEOMETRY, pose, extent, texels_width, texels_height);
+        float intensity =
+            extent.z * footprint_mean(texels, extent.w, texels_width, texels_height, texel, along_x, along_y);
 #else
         float intensity = extent.z * bilinear(texels, texels_width, texels_height, texel.x, texel.y);
 #endif

@@ -1,13 +1,17 @@
-// pattern_lookup with explicit vectors for CPU devices, without the area filter: the same bits as pattern.cl, by the same operations in the same
-// order. A work-item has a row of pixels, LANES columns at once. Lanes that show nothing compute along, and are 0 at the end.
-//   DIRECTION_COSINES, PLANE_IRRADIANCE, HAS_POSITION, DEPTH_ALONG_RAY, HAS_NORMAL, HAS_ALBEDO, VISIBILITY_FORMAT as in pattern.cl
+// pattern_lookup with explicit vectors for CPU devices, without the area filter: the same bits as pattern.cl, by the
+// same operations in the same order. A work-item has a row of pixels, LANES columns at once. Lanes that show nothing
+// compute along, and are 0 at the end.
+//   DIRECTION_COSINES, PLANE_IRRADIANCE, HAS_POSITION, DEPTH_ALONG_RAY, HAS_NORMAL, HAS_ALBEDO, VISIBILITY_FORMAT as in
+//   pattern.cl
 #include "common/lanes.h"
 
 typedef struct {
     lanes_f x, y, z;
 } lanes_3;
 
-static inline lanes_f dots_of(lanes_f ax, lanes_f ay, lanes_f az, const lanes_3 *b) { return ax * b->x + ay * b->y + az * b->z; }
+static inline lanes_f dots_of(lanes_f ax, lanes_f ay, lanes_f az, const lanes_3 *b) {
+    return ax * b->x + ay * b->y + az * b->z;
+}
 
 // pose times a vector, without its translation.
 static inline void turned(float16 pose, const lanes_3 *v, lanes_3 *result) {
@@ -88,15 +92,18 @@ static inline lanes_f load_some_bytes(__global const uchar *from, uint count) {
 #endif
 
 // bilinear(), 0 in lanes that are not lit or lie outside of the pattern.
-static inline lanes_f bilinears(__global const float *texels, int width, int height, lanes_f x, lanes_f y, lanes_i lit) {
+static inline lanes_f bilinears(__global const float *texels, int width, int height, lanes_f x, lanes_f y,
+                                lanes_i lit) {
     const lanes_i inside = lit & (x >= -0.5f) & (y >= -0.5f) & (x <= (float)width - 0.5f) & (y <= (float)height - 0.5f);
     if (!holds_anywhere(inside))
         return SPREAD(0.0f);
     // Of lanes outside the first texels are read, and dropped.
     const lanes_f last_x = SPREAD((float)(width - 1)), last_y = SPREAD((float)(height - 1));
-    const lanes_f right = select(SPREAD(0.0f), x, inside & (x > 0.0f)), down = select(SPREAD(0.0f), y, inside & (y > 0.0f));
+    const lanes_f right = select(SPREAD(0.0f), x, inside & (x > 0.0f)),
+                  down = select(SPREAD(0.0f), y, inside & (y > 0.0f));
     const lanes_f cx = select(right, last_x, right > last_x), cy = select(down, last_y, down > last_y);
-    const lanes_i x0 = min(convert_lanes_i(cx), (lanes_i)(width - 2)), y0 = min(convert_lanes_i(cy), (lanes_i)(height - 2));
+    const lanes_i x0 = min(convert_lanes_i(cx), (lanes_i)(width - 2)),
+                  y0 = min(convert_lanes_i(cy), (lanes_i)(height - 2));
     const lanes_f ax = cx - convert_lanes_f(x0), ay = cy - convert_lanes_f(y0);
     // A pattern has 2^28 texels at most.
     int first[LANES];
@@ -108,15 +115,16 @@ static inline lanes_f bilinears(__global const float *texels, int width, int hei
         vstore2(vload2(0, row), lane, above);
         vstore2(vload2(0, row + width), lane, below);
     }
-    const lanes_f a = vload_lanes(0, above), b = vload_lanes(1, above), c = vload_lanes(0, below), d = vload_lanes(1, below);
+    const lanes_f a = vload_lanes(0, above), b = vload_lanes(1, above), c = vload_lanes(0, below),
+                  d = vload_lanes(1, below);
     const lanes_f a0 = (lanes_f)(a.even, b.even), a1 = (lanes_f)(a.odd, b.odd);
     const lanes_f b0 = (lanes_f)(c.even, d.even), b1 = (lanes_f)(c.odd, d.odd);
     const lanes_f top = a0 + (a1 - a0) * ax, bottom = b0 + (b1 - b0) * ax;
     return select(SPREAD(0.0f), top + (bottom - top) * ay, inside);
 }
 
-// Vectors whose points are all found before the first is looked up: where a texel lies is one long chain of roots and quotients, and what is read
-// there another; side by side they fill the time in which each waits for itself.
+// Vectors whose points are all found before the first is looked up: where a texel lies is one long chain of roots and
+// quotients, and what is read there another; side by side they fill the time in which each waits for itself.
 #define STRIPS 8
 
 // What the lookup needs to know of LANES pixels.
@@ -132,15 +140,17 @@ typedef struct {
 } strip_t;
 
 #if HAS_POSITION
-#define GEOMETRY_PARAMETERS __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
+#define GEOMETRY_PARAMETERS                                                                                            \
+    __global const float *position, ulong position_offset, uint position_pitch, uint position_stride
 #else
 #define GEOMETRY_PARAMETERS __global const float *depth, ulong depth_offset, uint depth_pitch, float4 intrinsics
 #endif
 
-__kernel void pattern_lookup_lanes(__global const float *texels, int texels_width, int texels_height, float4 extent, float16 pose,
-                                   uint width, uint height, GEOMETRY_PARAMETERS,
+__kernel void pattern_lookup_lanes(__global const float *texels, int texels_width, int texels_height, float4 extent,
+                                   float16 pose, uint width, uint height, GEOMETRY_PARAMETERS,
 #if HAS_NORMAL
-                                   __global const float *normal, ulong normal_offset, uint normal_pitch, uint normal_stride,
+                                   __global const float *normal, ulong normal_offset, uint normal_pitch,
+                                   uint normal_stride,
 #endif
 #if HAS_ALBEDO
                                    __global const float *albedo, ulong albedo_offset, uint albedo_pitch,
@@ -165,7 +175,8 @@ __kernel void pattern_lookup_lanes(__global const float *texels, int texels_widt
             const uint count = min((uint)LANES, width - x);
             lanes_3 point, at; // `at`: in the laser's frame
 #if HAS_POSITION
-            load_vectors(position + position_offset + (ulong)y * position_pitch + x * position_stride, position_stride, count, &point);
+            load_vectors(position + position_offset + (ulong)y * position_pitch + x * position_stride, position_stride,
+                         count, &point);
             const lanes_i surface = are_finite(point.x) & are_finite(point.y) & are_finite(point.z);
 #else
             const lanes_f depths = load_some(depth + depth_offset + (ulong)y * depth_pitch + x, count);
@@ -199,16 +210,19 @@ __kernel void pattern_lookup_lanes(__global const float *texels, int texels_widt
 #endif
 #if HAS_NORMAL
             lanes_3 n, laser_normal;
-            load_vectors(normal + normal_offset + (ulong)y * normal_pitch + x * normal_stride, normal_stride, count, &n);
+            load_vectors(normal + normal_offset + (ulong)y * normal_pitch + x * normal_stride, normal_stride, count,
+                         &n);
             turned(pose, &n, &laser_normal);
             const lanes_f cosine = -dots_of(at.x, at.y, at.z, &laser_normal) * strip->inverse_d;
-            strip->cosine = select(SPREAD(0.0f), cosine, cosine > 0.0f); // a normal that is not a number counts as turned away
+            strip->cosine =
+                select(SPREAD(0.0f), cosine, cosine > 0.0f); // a normal that is not a number counts as turned away
 #endif
         }
         for (uint x = block, k = 0; x < end; x += LANES, ++k) {
             const uint count = min((uint)LANES, width - x);
             const strip_t *strip = &strips[k];
-            lanes_f value = extent.z * bilinears(texels, texels_width, texels_height, strip->texel_x, strip->texel_y, strip->lit);
+            lanes_f value =
+                extent.z * bilinears(texels, texels_width, texels_height, strip->texel_x, strip->texel_y, strip->lit);
 #if PLANE_IRRADIANCE
             value /= strip->axis_cosine * strip->axis_cosine * strip->axis_cosine;
 #endif
@@ -218,18 +232,20 @@ __kernel void pattern_lookup_lanes(__global const float *texels, int texels_widt
             value = value * strip->inverse_d * strip->inverse_d;
             // Albedo and visibility are checked where there is no surface, too.
 #if HAS_ALBEDO
-            const lanes_f a = sanitized_lanes(load_some(albedo + albedo_offset + (ulong)y * albedo_pitch + x, count), bad, y * width + x);
+            const lanes_f a = sanitized_lanes(load_some(albedo + albedo_offset + (ulong)y * albedo_pitch + x, count),
+                                              bad, y * width + x);
 #endif
 #if VISIBILITY_FORMAT == FORMAT_UINT8
             value *= load_some_bytes(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count) / 255.0f;
 #elif VISIBILITY_FORMAT == FORMAT_FLOAT32
-            value *= sanitized_lanes(load_some(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count), bad, y * width + x);
+            value *= sanitized_lanes(load_some(visibility + visibility_offset + (ulong)y * visibility_pitch + x, count),
+                                     bad, y * width + x);
 #endif
 #if HAS_ALBEDO
             value *= a;
 #endif
-            store_some(select(SPREAD(0.0f), value * M_1_PI_F, strip->lit), irradiance + irradiance_offset + (ulong)y * irradiance_pitch + x,
-                       count);
+            store_some(select(SPREAD(0.0f), value * M_1_PI_F, strip->lit),
+                       irradiance + irradiance_offset + (ulong)y * irradiance_pitch + x, count);
         }
     }
 }

@@ -1,5 +1,6 @@
-// The surface's random field: refresh, advance along the path, export. The state's layout is in phase_state.h, the equations are in
-// phase.h of the C API. PHASE_TRANSLATE 1: the state moves with the surface and holds the rest of the shift.
+// The surface's random field: refresh, advance along the path, export. The state's layout is in phase_state.h, the
+// equations are in phase.h of the C API. PHASE_TRANSLATE 1: the state moves with the surface and holds the rest of the
+// shift.
 #include "common/field_grid.h"
 #include "stages/phase_state.h"
 #if ADVANCE
@@ -14,7 +15,8 @@ static inline complex_float gaussian_from_words(words4 phase, words4 magnitude, 
     return z;
 }
 
-// One work-item a Philox block: four samples, one in each quarter of the grid's rows; the third dimension is the polarization.
+// One work-item a Philox block: four samples, one in each quarter of the grid's rows; the third dimension is the
+// polarization.
 __kernel void phase_refresh(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
                             uint frame_low, uint frame_high, ulong rest_offset
 #if HAS_MASK
@@ -85,11 +87,12 @@ typedef struct {
     int known;            // 0: nowhere in the image
 } origin_t;
 
-// The point that lies at sample (x, y) lay at (x, y) + shift. What was left there of earlier shifts comes on top; the sum is carried out in
-// whole samples. inside_width, inside_height: the samples of the image without the padding; what comes from outside of them brings the rest
-// of the nearest one, so that a surface that moves as one has one rest. Padding that moves is new.
-static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __global const float *rest, uint grid_width,
-                                 int inside_width, int inside_height) {
+// The point that lies at sample (x, y) lay at (x, y) + shift. What was left there of earlier shifts comes on top; the
+// sum is carried out in whole samples. inside_width, inside_height: the samples of the image without the padding; what
+// comes from outside of them brings the rest of the nearest one, so that a surface that moves as one has one rest.
+// Padding that moves is new.
+static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __global const float *rest,
+                                 uint grid_width, int inside_width, int inside_height) {
     origin_t origin = {x, y, 0.0f, 0.0f, 0};
     // The comparisons are false for NaN, and no conversion overflows.
     if (!(fabs(shift_x) <= 32767.0f && fabs(shift_y) <= 32767.0f))
@@ -105,17 +108,18 @@ static inline origin_t origin_of(int x, int y, float shift_x, float shift_y, __g
     if (whole_x != 0.0f || whole_y != 0.0f) {
         origin.x = x + (int)whole_x;
         origin.y = y + (int)whole_y;
-        origin.known = x < inside_width && y < inside_height && origin.x >= 0 && origin.y >= 0 && origin.x < inside_width &&
-                       origin.y < inside_height;
+        origin.known = x < inside_width && y < inside_height && origin.x >= 0 && origin.y >= 0 &&
+                       origin.x < inside_width && origin.y < inside_height;
     }
     return origin;
 }
 #endif
 
 #if ADVANCE && HAS_SHIFT
-// Which sample gets the state of a place: the first one, in the order of rows, of those that come from there and are not new anyway.
-__kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_height, uint width, uint height, uint oversampling,
-                          float knots_per_path, __global const state_word *source, ulong rest_offset,
+// Which sample gets the state of a place: the first one, in the order of rows, of those that come from there and are
+// not new anyway.
+__kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_height, uint width, uint height,
+                          uint oversampling, float knots_per_path, __global const state_word *source, ulong rest_offset,
                           PATH_PARAMETER CORRELATION_PARAMETER MASK_PARAMETER __global const float *shift,
                           ulong shift_offset, uint shift_pitch) {
     const uint x = get_global_id(0), y = get_global_id(1);
@@ -146,8 +150,9 @@ __kernel void phase_claim(__global uint *owner, uint grid_width, uint grid_heigh
 #endif
 
 #if ADVANCE
-// Carries the field on by a path, a time and a shift (phase_advance_lanes.cl: without a shift, on CPU devices). One work-item a Philox block,
-// all polarizations. Samples with nothing to do are not touched, except that with a shift every sample is copied from `source`.
+// Carries the field on by a path, a time and a shift (phase_advance_lanes.cl: without a shift, on CPU devices). One
+// work-item a Philox block, all polarizations. Samples with nothing to do are not touched, except that with a shift
+// every sample is copied from `source`.
 __kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
 #if HAS_SHIFT
                             __global const state_word *source, __global const uint *owner, __global const float *shift,
@@ -243,13 +248,15 @@ __kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
 #if HAS_SHIFT
         const ulong at = shift_offset + (ulong)pixel_y * shift_pitch + 2u * pixel_x;
         const float shift_x = scale * shift[at], shift_y = scale * shift[at + 1];
-        const origin_t origin = origin_of((int)x, (int)y, shift_x, shift_y, rest, grid_width, inside_width, inside_height);
+        const origin_t origin =
+            origin_of((int)x, (int)y, shift_x, shift_y, rest, grid_width, inside_width, inside_height);
         if (counts && !(isfinite(shift_x) && isfinite(shift_y)))
             report_bad(bad, isfinite(shift_x) ? shift_y : shift_x, pixel);
         replaced |= !origin.known;
         rest_x[j] = origin.rest_x;
         rest_y[j] = origin.rest_y;
-        // A surface that grows or turns has samples with the same origin. They would repeat a grain: only the first one keeps it.
+        // A surface that grows or turns has samples with the same origin. They would repeat a grain: only the first one
+        // keeps it.
         if (!replaced)
             replaced = owner[(ulong)origin.y * grid_width + origin.x] != (uint)i;
         if (!replaced)
@@ -311,17 +318,21 @@ __kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
 #if BOILS
         if (any_boiled) {
             boil_phase = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + polarization), key);
-            boil_magnitude = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + polarization), key);
+            boil_magnitude =
+                image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + polarization), key);
 #if PHASE_CONTINUOUS
-            next_boil_phase = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + 2u + polarization), key);
-            next_boil_magnitude = image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + 2u + polarization), key);
+            next_boil_phase =
+                image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + 2u + polarization), key);
+            next_boil_magnitude =
+                image_block(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + 2u + polarization), key);
 #endif
         }
 #endif
 #if PHASE_CONTINUOUS
         if (any_crossed) {
             next_phase = image_block(x, row, frame_low, frame_high, stream | (STREAM_NEXT_PHASE + polarization), key);
-            next_magnitude = image_block(x, row, frame_low, frame_high, stream | (STREAM_NEXT_MAGNITUDE + polarization), key);
+            next_magnitude =
+                image_block(x, row, frame_low, frame_high, stream | (STREAM_NEXT_MAGNITUDE + polarization), key);
         }
 #endif
         for (uint j = 0; j < 4; ++j) {
@@ -393,8 +404,8 @@ __kernel void phase_advance(PHASE_ADVANCE_PARAMETERS
 #endif
 
 // z of one polarization, for inspection. first: polarization * samples.
-__kernel void phase_field(PHASE_STATE_PARAMETERS, uint grid_width, uint grid_height, __global float *field, ulong field_offset,
-                          uint field_pitch) {
+__kernel void phase_field(PHASE_STATE_PARAMETERS, uint grid_width, uint grid_height, __global float *field,
+                          ulong field_offset, uint field_pitch) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;

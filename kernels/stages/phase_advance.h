@@ -1,4 +1,5 @@
-// What the kernels that carry the field on have in common: what becomes of a sample, and images that may be there or not.
+// What the kernels that carry the field on have in common: what becomes of a sample, and images that may be there or
+// not.
 //   HAS_PATH, HAS_CORRELATION, HAS_MASK
 #ifndef CLSP_PHASE_ADVANCE_H
 #define CLSP_PHASE_ADVANCE_H
@@ -26,9 +27,10 @@
 #endif
 
 // Of both kernels; what a shift needs comes between correlation and mask.
-#define PHASE_ADVANCE_PARAMETERS                                                                                         \
-    __global state_word *state, uint grid_width, uint grid_height, uint quarter, uint polarization_count, uint2 key,     \
-        uint frame_low, uint frame_high, uint substep, uint width, uint height, uint oversampling, float knots_per_path, \
-        float uniform_path, float uniform_correlation, ulong rest_offset, PATH_PARAMETER CORRELATION_PARAMETER
+#define PHASE_ADVANCE_PARAMETERS                                                                                       \
+    __global state_word *state, uint grid_width, uint grid_height, uint quarter, uint polarization_count, uint2 key,   \
+        uint frame_low, uint frame_high, uint substep, uint width, uint height, uint oversampling,                     \
+        float knots_per_path, float uniform_path, float uniform_correlation, ulong rest_offset,                        \
+        PATH_PARAMETER CORRELATION_PARAMETER
 
 #endif

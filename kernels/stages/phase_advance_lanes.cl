@@ -1,5 +1,6 @@
-// phase_advance of a Gaussian field without a shift, with explicit vectors for CPU devices: the same bits as phase.cl. A work-item has row
-// y mod Q of the grid, and with it the rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
+// phase_advance of a Gaussian field without a shift, with explicit vectors for CPU devices: the same bits as phase.cl.
+// A work-item has row y mod Q of the grid, and with it the rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES
+// columns at once.
 //   PHASE_CONTINUOUS, HAS_PATH, HAS_CORRELATION, HAS_MASK, BOILS as in phase.cl
 #include "common/field_grid.h"
 #include "stages/phase_state.h"
@@ -37,7 +38,8 @@ static inline lanes_i load_mask(const strip_t *strip, __global const uchar *row)
 
 #if HAS_PATH || HAS_CORRELATION
 // Several samples and the padding share a pixel: what is wrong with it is counted once.
-static inline void report_lanes(const strip_t *strip, __global uint *bad, lanes_f values, lanes_i are_bad, uint y, uint pixel_y) {
+static inline void report_lanes(const strip_t *strip, __global uint *bad, lanes_f values, lanes_i are_bad, uint y,
+                                uint pixel_y) {
     if (!holds_anywhere(are_bad) || y != strip->oversampling * pixel_y)
         return;
     float each[LANES];
@@ -116,7 +118,8 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
             const lanes_f whole = select(SPREAD(0.0f), SPREAD(1.0f), knots >= 1.0f);
             const lanes_f part = select(SPREAD(0.0f), knots - whole, (knots > 0.0f) & ~replaced) * 0x1p32f;
             const lanes_u words = convert_lanes_u(select(part, (part + 0x1p23f) - 0x1p23f, part < 0x1p23f));
-            const lanes_u begin = load_some_words((__global const uint *)state + (ulong)y * grid_width + x, strip.count);
+            const lanes_u begin =
+                load_some_words((__global const uint *)state + (ulong)y * grid_width + x, strip.count);
             const lanes_u end = begin + words;
             const lanes_u passed = convert_lanes_u(whole) + select((lanes_u)(0u), (lanes_u)(1u), end < begin);
             step[j] = select(passed, (lanes_u)(REPLACE), as_lanes_u(replaced));
@@ -133,7 +136,8 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
         }
         if (!holds_anywhere(crossed_any | boiled_any | moved_any))
             continue;
-        const bool draws = holds_anywhere(replaced_any), crosses = holds_anywhere(crossed_any), boils = holds_anywhere(boiled_any);
+        const bool draws = holds_anywhere(replaced_any), crosses = holds_anywhere(crossed_any),
+                   boils = holds_anywhere(boiled_any);
         lanes_words4 phase, magnitude;
 #if BOILS
         lanes_words4 boil_phase, boil_magnitude;
@@ -150,14 +154,18 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
             const ulong first = polarization * samples;
             if (draws) {
                 image_blocks(x, row, frame_low, frame_high, stream | (STREAM_PHASE + polarization), key, &phase);
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_MAGNITUDE + polarization), key, &magnitude);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_MAGNITUDE + polarization), key,
+                             &magnitude);
             }
 #if BOILS
             if (boils) {
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + polarization), key, &boil_phase);
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + polarization), key, &boil_magnitude);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + polarization), key,
+                             &boil_phase);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + polarization), key,
+                             &boil_magnitude);
 #if PHASE_CONTINUOUS
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + 2u + polarization), key, &next_boil_phase);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_PHASE + 2u + polarization), key,
+                             &next_boil_phase);
                 image_blocks(x, row, frame_low, frame_high, stream | (STREAM_BOIL_MAGNITUDE + 2u + polarization), key,
                              &next_boil_magnitude);
 #endif
@@ -165,8 +173,10 @@ __kernel void phase_advance_lanes(PHASE_ADVANCE_PARAMETERS MASK_PARAMETER __glob
 #endif
 #if PHASE_CONTINUOUS
             if (crosses) {
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_NEXT_PHASE + polarization), key, &next_phase);
-                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_NEXT_MAGNITUDE + polarization), key, &next_magnitude);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_NEXT_PHASE + polarization), key,
+                             &next_phase);
+                image_blocks(x, row, frame_low, frame_high, stream | (STREAM_NEXT_MAGNITUDE + polarization), key,
+                             &next_magnitude);
             }
 #endif
             for (uint j = 0; j < 4; ++j) {

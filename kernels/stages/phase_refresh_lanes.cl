@@ -1,17 +1,18 @@
-// phase_refresh of everything, with explicit vectors: the same bits as phase.cl. A work-item draws row y mod Q of the grid, and with it the
-// rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
+// phase_refresh of everything, with explicit vectors: the same bits as phase.cl. A work-item draws row y mod Q of the
+// grid, and with it the rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
 //   FIELD_UNIT_PHASOR, PHASE_CONTINUOUS, PHASE_TRANSLATE as in phase.cl
 #include "stages/phase_state.h"
 #include "common/lanes.h"
 
-static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4 *magnitude, uint j, __global float *to, uint count) {
+static inline void store_gaussians(const lanes_words4 *phase, const lanes_words4 *magnitude, uint j, __global float *to,
+                                   uint count) {
     lanes_complex z;
     gaussians_from_words(words_of(phase, j), words_of(magnitude, j), &z);
     store_some_interleaved(&z, to, count);
 }
 
-__kernel void phase_refresh_lanes(__global state_word *state, uint grid_width, uint grid_height, uint quarter, uint2 key,
-                                  uint frame_low, uint frame_high, ulong rest_offset) {
+__kernel void phase_refresh_lanes(__global state_word *state, uint grid_width, uint grid_height, uint quarter,
+                                  uint2 key, uint frame_low, uint frame_high, ulong rest_offset) {
     const uint row = get_global_id(0), polarization = get_global_id(2);
     if (row >= quarter)
         return;

@@ -1,11 +1,13 @@
-// The state of the surface's random field, sample by sample. FIELD_UNIT_PHASOR 1: the phase word itself (phase = 2 pi word / 2^32).
-// 0: complex numbers, circular Gaussian with E|z|^2 = 1. PHASE_CONTINUOUS 1 (Gaussian only): two such numbers, the knots A and B, and a
-// path coordinate t in [0, 1), z = cos(pi t / 2) A + sin(pi t / 2) B (phase.h of the C API).
+// The state of the surface's random field, sample by sample. FIELD_UNIT_PHASOR 1: the phase word itself (phase = 2 pi
+// word / 2^32). 0: complex numbers, circular Gaussian with E|z|^2 = 1. PHASE_CONTINUOUS 1 (Gaussian only): two such
+// numbers, the knots A and B, and a path coordinate t in [0, 1), z = cos(pi t / 2) A + sin(pi t / 2) B (phase.h of the
+// C API).
 //
 // Words of 4 bytes, `samples` the size of the field grid:
 //   PHASE_CONTINUOUS 0: for each polarization samples x (re, im), or samples x word.
-//   PHASE_CONTINUOUS 1: samples x t, in units of 2^-32; then for each polarization samples x (re, im) of A, the same of B.
-//   Behind that, in a state that moves with the surface: samples x (x, y), the part of a shift that is not carried out yet, in samples.
+//   PHASE_CONTINUOUS 1: samples x t, in units of 2^-32; then for each polarization samples x (re, im) of A, the same of
+//   B. Behind that, in a state that moves with the surface: samples x (x, y), the part of a shift that is not carried
+//   out yet, in samples.
 #ifndef CLSP_PHASE_STATE_H
 #define CLSP_PHASE_STATE_H
 
@@ -27,9 +29,13 @@ static inline ALWAYS_INLINE ulong knot_offset(ulong samples, ulong first, uint k
 }
 
 // t is kept as an integer: a float that happens to have its bits could be flushed to zero or changed on the way.
-static inline ALWAYS_INLINE uint load_path(__global const state_word *words, ulong i) { return ((__global const uint *)words)[i]; }
+static inline ALWAYS_INLINE uint load_path(__global const state_word *words, ulong i) {
+    return ((__global const uint *)words)[i];
+}
 
-static inline ALWAYS_INLINE void store_path(__global state_word *words, ulong i, uint t) { ((__global uint *)words)[i] = t; }
+static inline ALWAYS_INLINE void store_path(__global state_word *words, ulong i, uint t) {
+    ((__global uint *)words)[i] = t;
+}
 
 static inline ALWAYS_INLINE complex_float load_complex(__global const state_word *words, ulong i) {
     const complex_float z = {words[2 * i], words[2 * i + 1]};
@@ -42,7 +48,8 @@ static inline ALWAYS_INLINE void store_complex(__global state_word *words, ulong
 }
 
 // z of sample i of one polarization. first: polarization * samples.
-static inline ALWAYS_INLINE complex_float unit_field(__global const state_word *state, ulong samples, ulong first, ulong i) {
+static inline ALWAYS_INLINE complex_float unit_field(__global const state_word *state, ulong samples, ulong first,
+                                                     ulong i) {
 #if FIELD_UNIT_PHASOR
     return phasor_from_word((state + first)[i]);
 #elif PHASE_CONTINUOUS

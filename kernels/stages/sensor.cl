@@ -3,28 +3,28 @@
 
 #if FIXED_PATTERN
 
-// Drawn once. offset (with DARK_FRAME_GIVEN the dark frame is already in it) gets hot pixels, DSNU, column and row offsets
-// and a wave; response is 0 at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP_GIVEN the map is already in it) is the
-// PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones; read_noise_map is each pixel's standard deviation.
-// periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope: of a dull pixel's gain over its random number. What
-// is 0 is off, and a buffer that nothing is written to may be NULL: cameras differ in these sets without end, so that no
-// program is built for each. One work-item a Philox block.
+// Drawn once. offset (with DARK_FRAME_GIVEN the dark frame is already in it) gets hot pixels, DSNU, column and row
+// offsets and a wave; response is 0 at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP_GIVEN the map is already
+// in it) is the PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones; read_noise_map is each pixel's
+// standard deviation. periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope: of a dull pixel's gain over
+// its random number. What is 0 is off, and a buffer that nothing is written to may be NULL: cameras differ in these
+// sets without end, so that no program is built for each. One work-item a Philox block.
 #define DARK_FRAME_GIVEN 1
 #define GAIN_MAP_GIVEN 2
 __kernel void sensor_fixed_pattern(__global float *offset, __global uchar *response, __global float *pixel_gain,
                                    __global float *read_noise_map, uint given, uint width, uint height, uint quarter,
                                    uint2 key, float hot_fraction, float hot_mean, float cold_fraction, float prnu,
                                    float column_prnu, float row_prnu, float dull_fraction, float dull_slope, float dsnu,
-                                   float column_offset, float row_offset, float periodic, uint periodic_x, uint periodic_y,
-                                   float read_noise, float read_noise_spread) {
+                                   float column_offset, float row_offset, float periodic, uint periodic_x,
+                                   uint periodic_y, float read_noise, float read_noise_spread) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= width || row >= quarter)
         return;
     const words4 no_words = {0, 0, 0, 0};
     const normals4 no_normals = {0.0f, 0.0f, 0.0f, 0.0f};
     words4 hot = no_words, hot_offset = no_words, cold = no_words, dull = no_words, periodic_phase = no_words;
-    normals4 gains = no_normals, offsets = no_normals, column = no_normals, row_offsets = no_normals, spread = no_normals,
-             column_gain = no_normals, row_gains = no_normals;
+    normals4 gains = no_normals, offsets = no_normals, column = no_normals, row_offsets = no_normals,
+             spread = no_normals, column_gain = no_normals, row_gains = no_normals;
     if (hot_fraction > 0.0f) {
         hot = image_block(x, row, 0, 0, STREAM_HOT_PIXEL, key);
         hot_offset = image_block(x, row, 0, 0, STREAM_HOT_OFFSET, key);
@@ -98,8 +98,8 @@ typedef ushort input_t;
 typedef float input_t;
 #endif
 
-// Bilinear. The sites of red are x & 1 == red_x, y & 1 == red_y. Beyond the border the image is mirrored at its outermost pixels, which
-// keeps every site's colour.
+// Bilinear. The sites of red are x & 1 == red_x, y & 1 == red_y. Beyond the border the image is mirrored at its
+// outermost pixels, which keeps every site's colour.
 __kernel void sensor_demosaic(__global const input_t *raw, ulong raw_offset, uint raw_pitch, uint width, uint height,
                               uint red_x, uint red_y, __global float *rgb, ulong rgb_offset, uint rgb_pitch) {
     const uint x = get_global_id(0), y = get_global_id(1);
@@ -127,10 +127,11 @@ __kernel void sensor_demosaic(__global const input_t *raw, ulong raw_offset, uin
 
 #include "stages/sensor_pixel.h"
 
-// One work-item four pixels, one in each quarter of the rows, which share Philox blocks (that of the read noise with the row beside, whose item draws
-// it once more).
+// One work-item four pixels, one in each quarter of the rows, which share Philox blocks (that of the read noise with
+// the row beside, whose item draws it once more).
 //   CROSSTALK 1  each pixel gives some of its signal to its four neighbours; the others' switches are in sensor_pixel.h
-__kernel void sensor_expose(__global const float *intensity, ulong intensity_offset, uint intensity_pitch, SENSOR_PARAMETERS) {
+__kernel void sensor_expose(__global const float *intensity, ulong intensity_offset, uint intensity_pitch,
+                            SENSOR_PARAMETERS) {
     const camera_t camera = SENSOR_CAMERA;
     const sensor_t *s = &camera.s;
     const uint x = get_global_id(0), row = get_global_id(1);

@@ -31,17 +31,20 @@ typedef float output_t;
 // The same members as SensorConstants there, of four bytes each.
 typedef struct {
     uint switches, width, height, quarter, key_low, key_high, frame_low, frame_high;
-    float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn, saturation, lag;
-    float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn, top_code, output_scale;
+    float gain, crosstalk, mosaic_00, mosaic_10, mosaic_01, mosaic_11, dark_signal, dn_per_electron, electrons_per_dn,
+        saturation, lag;
+    float gamma, gamma_full, gamma_scale, black_level, read_noise, row_noise, column_noise, code_step, steps_per_dn,
+        top_code, output_scale;
     float cubic, telegraph_fraction, telegraph_low, telegraph_high;
     float code_wave, code_wave_frequency, widest_code;
 } sensor_t;
 
 // Maps are NULL where their effect is off.
-#define SENSOR_PARAMETERS                                                                                                               \
-    sensor_t sensor, __global const float *offset, __global const uchar *response, __global const float *pixel_gain,                    \
-        __global const float *read_noise_map, __global float *lag_state, __global output_t *output, ulong output_offset, uint output_pitch
-#define SENSOR_CAMERA                                                                                                                   \
+#define SENSOR_PARAMETERS                                                                                              \
+    sensor_t sensor, __global const float *offset, __global const uchar *response, __global const float *pixel_gain,   \
+        __global const float *read_noise_map, __global float *lag_state, __global output_t *output,                    \
+        ulong output_offset, uint output_pitch
+#define SENSOR_CAMERA                                                                                                  \
     { sensor, offset, response, pixel_gain, read_noise_map, lag_state, output + output_offset, output_pitch }
 
 typedef struct {
@@ -55,8 +58,8 @@ typedef struct {
     uint output_pitch;
 } camera_t;
 
-// lag_state has two halves: what is read of the frame before, and where this one leaves what the next reads. A frame that is made again
-// finds the same.
+// lag_state has two halves: what is read of the frame before, and where this one leaves what the next reads. A frame
+// that is made again finds the same.
 static inline __global const float *lag_before(const camera_t *c) {
     return c->lag_state + (c->s.switches & SENSOR_LAG_SECOND ? (ulong)c->s.width * c->s.height : 0);
 }

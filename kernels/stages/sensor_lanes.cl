@@ -1,4 +1,5 @@
-// sensor_expose with explicit vectors for CPU devices: a work-item has two rows of each quarter of the image, which share random numbers.
+// sensor_expose with explicit vectors for CPU devices: a work-item has two rows of each quarter of the image, which
+// share random numbers.
 #include "stages/sensor_lanes.h"
 
 // Signals of the pixels step columns to the right of x and on; beyond the border those of the outermost.
@@ -12,7 +13,8 @@ static inline lanes_f neighbour_signals(const sensor_t *s, __global const float 
     return signals_of(s, vload_lanes(0, values));
 }
 
-__kernel void sensor_expose_lanes(__global const float *intensity, ulong intensity_offset, uint intensity_pitch, SENSOR_PARAMETERS) {
+__kernel void sensor_expose_lanes(__global const float *intensity, ulong intensity_offset, uint intensity_pitch,
+                                  SENSOR_PARAMETERS) {
     const camera_t camera = SENSOR_CAMERA;
     const sensor_t *s = &camera.s;
     const uint quarter_row = 2u * get_global_id(0);
@@ -36,13 +38,16 @@ __kernel void sensor_expose_lanes(__global const float *intensity, ulong intensi
                 __global output_t *to = camera.output + (ulong)y * camera.output_pitch + x;
                 lanes_f value = signals_of(s, load_some(row + x, count));
                 if (kind != CAMERA_ANY) {
-                    store_codes(to, count, expose_plain_lanes(&camera, kind, s->switches & SENSOR_READ_NOISE, noise.read[k][j], value));
+                    store_codes(
+                        to, count,
+                        expose_plain_lanes(&camera, kind, s->switches & SENSOR_READ_NOISE, noise.read[k][j], value));
                     continue;
                 }
                 if (s->switches & SENSOR_CROSSTALK) {
-                    const lanes_f neighbours = (neighbour_signals(s, row, x, -1) + neighbour_signals(s, row, x, 1)) +
-                                               (neighbour_signals(s, y > 0 ? row - intensity_pitch : row, x, 0) +
-                                                neighbour_signals(s, y + 1 < s->height ? row + intensity_pitch : row, x, 0));
+                    const lanes_f neighbours =
+                        (neighbour_signals(s, row, x, -1) + neighbour_signals(s, row, x, 1)) +
+                        (neighbour_signals(s, y > 0 ? row - intensity_pitch : row, x, 0) +
+                         neighbour_signals(s, y + 1 < s->height ? row + intensity_pitch : row, x, 0));
                     value = fma(SPREAD(0.25f * s->crosstalk), neighbours, (1.0f - s->crosstalk) * value);
                 }
                 store_codes(to, count, expose_lanes(&camera, x, count, y, j, k, &noise, value));

@@ -1,5 +1,6 @@
-// The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as expose_pixel() in sensor_pixel.h.
-// What is on is decided at run time: rows_inverse of the engine for CPUs includes this, and a transform takes long to compile.
+// The camera's chain with explicit vectors for CPU devices: LANES pixels of a row at once, the same bits as
+// expose_pixel() in sensor_pixel.h. What is on is decided at run time: rows_inverse of the engine for CPUs includes
+// this, and a transform takes long to compile.
 //   OUTPUT_FORMAT
 //   STREAM 1  codes may go past the caches
 #ifndef CLSP_SENSOR_LANES_H
@@ -29,8 +30,8 @@ typedef lanes_output unaligned_output __attribute__((aligned(1)));
 #define store_lanes_output(codes, to) vstore_lanes(codes, 0, to)
 #endif
 
-// Vectors in four rows each whose random words are drawn one after the other, before any is used: the words of a block of them are one long chain
-// of multiplications; side by side they fill the time in which each waits for itself.
+// Vectors in four rows each whose random words are drawn one after the other, before any is used: the words of a block
+// of them are one long chain of multiplications; side by side they fill the time in which each waits for itself.
 #define NOISE_BLOCKS 16
 
 // What is random in LANES columns of four rows, one in each quarter of the image, for each block.
@@ -93,8 +94,8 @@ typedef struct {
 #define block_x(blocks, k) ((blocks)->x + (k) % (blocks)->across * LANES)
 #define block_row(blocks, k) ((blocks)->row + (k) / (blocks)->across)
 
-static inline void draw_words_of(const sensor_t *s, const noise_blocks_t *blocks, uint frame_low, uint frame_high, uint stream,
-                                 lanes_u (*words)[4]) {
+static inline void draw_words_of(const sensor_t *s, const noise_blocks_t *blocks, uint frame_low, uint frame_high,
+                                 uint stream, lanes_u (*words)[4]) {
     const uint2 key = (uint2)(s->key_low, s->key_high);
     for (uint k = 0, row = blocks->row; k < blocks->count; ++row)
         for (uint across = 0; across < blocks->across && k < blocks->count; ++across, ++k) {
@@ -120,8 +121,9 @@ static inline void draw_normals(const sensor_t *s, const noise_blocks_t *blocks,
     }
 }
 
-// Rows 2 n and 2 n + 1 share a block of words, each of which makes a normal for either: blocks begin at an even row. The block of rows
-// row + 2 n and row + 2 n + 1 that is the k-th from the left is words[n * across + k]; returns how many there are.
+// Rows 2 n and 2 n + 1 share a block of words, each of which makes a normal for either: blocks begin at an even row.
+// The block of rows row + 2 n and row + 2 n + 1 that is the k-th from the left is words[n * across + k]; returns how
+// many there are.
 static inline uint draw_read_words(const sensor_t *s, const noise_blocks_t *blocks, lanes_u (*words)[4]) {
     const uint across = blocks->across, rows = (blocks->count + across - 1) / across;
     const noise_blocks_t pairs = {blocks->x, across, blocks->row / 2, (rows + 1) / 2 * across};
@@ -148,7 +150,8 @@ static inline void draw_telegraph(const sensor_t *s, const noise_blocks_t *block
     draw_words(s, blocks, STREAM_TELEGRAPH_STATE, states);
     for (uint k = 0; k < blocks->count; ++k)
         for (uint j = 0; j < 4; ++j) {
-            const lanes_f jump = select(SPREAD(s->telegraph_low), SPREAD(s->telegraph_high), as_lanes_i(states[k][j]) < 0);
+            const lanes_f jump =
+                select(SPREAD(s->telegraph_low), SPREAD(s->telegraph_high), as_lanes_i(states[k][j]) < 0);
             jumps[k][j] = select(SPREAD(0.0f), jump, uniforms_from_words(pixels[k][j]) < s->telegraph_fraction);
         }
 }
@@ -162,8 +165,8 @@ static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, f
     }
     if (s->switches & SENSOR_ROW_NOISE)
         for (uint k = 0; k < blocks->count; ++k) {
-            const words4 block =
-                image_block(0, block_row(blocks, k), s->frame_low, s->frame_high, STREAM_ROW_NOISE, (uint2)(s->key_low, s->key_high));
+            const words4 block = image_block(0, block_row(blocks, k), s->frame_low, s->frame_high, STREAM_ROW_NOISE,
+                                             (uint2)(s->key_low, s->key_high));
             const normals4 rows = normals_from_block(block);
             noise->rows[k][0] = rows.n0;
             noise->rows[k][1] = rows.n1;
@@ -190,7 +193,9 @@ static inline lanes_f code_wave_at(const sensor_t *s, lanes_f at) {
     phasors_from_turns((at - s->widest_code) * s->code_wave_frequency, &wave);
     return s->code_wave * wave.im;
 }
-static inline lanes_f levels_of_codes(const sensor_t *s, lanes_f code) { return (code - 0.5f) + code_wave_at(s, code - 0.5f); }
+static inline lanes_f levels_of_codes(const sensor_t *s, lanes_f code) {
+    return (code - 0.5f) + code_wave_at(s, code - 0.5f);
+}
 static inline lanes_f codes_between_levels(const sensor_t *s, lanes_f value) {
     const lanes_f code = nearest(value - code_wave_at(s, value));
     const lanes_f above = select(code, code + 1.0f, value >= levels_of_codes(s, code + 1.0f));
@@ -220,15 +225,16 @@ static inline void store_codes(__global output_t *to, uint count, lanes_output c
 #if STREAM
 typedef output_t lanes_output_pair __attribute__((ext_vector_type(2 * LANES)));
 #if LANES == 16
-#define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
+#define ONE_AFTER_THE_OTHER                                                                                            \
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
 #elif LANES == 8
 #define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
 #else
 #define ONE_AFTER_THE_OTHER 0, 1, 2, 3, 4, 5, 6, 7
 #endif
 #endif
-// 2 LANES codes side by side. streams: past the caches, at once: part of a cache line by itself may be on its way before the rest comes (16 codes of
-// 16 bits are half of one, 32 all of it).
+// 2 LANES codes side by side. streams: past the caches, at once: part of a cache line by itself may be on its way
+// before the rest comes (16 codes of 16 bits are half of one, 32 all of it).
 static inline void store_two(__global output_t *to, int streams, lanes_output first, lanes_output second) {
 #if STREAM
     if (streams) {
@@ -250,14 +256,15 @@ typedef enum {
 
 static inline camera_kind_t kind_of(const camera_t *c) {
     const sensor_t *s = &c->s;
-    if ((s->switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) != SENSOR_QUANTIZE || c->pixel_gain || c->response || c->lag_state ||
-        c->offset || c->read_noise_map)
+    if ((s->switches & ~(SENSOR_READ_NOISE | SENSOR_LAG_FIRST)) != SENSOR_QUANTIZE || c->pixel_gain || c->response ||
+        c->lag_state || c->offset || c->read_noise_map)
         return CAMERA_ANY;
     return s->dark_signal == 0.0f && s->code_step == 1.0f ? CAMERA_WHOLE_CODES : CAMERA_PLAIN;
 }
 
 // expose_lanes() where the kind is not CAMERA_ANY: the same bits. normal: of the read noise, if there is any.
-static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, int has_read_noise, lanes_f normal, lanes_f value) {
+static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t kind, int has_read_noise, lanes_f normal,
+                                              lanes_f value) {
     const sensor_t *s = &c->s;
     if (kind == CAMERA_PLAIN)
         value += s->dark_signal;
@@ -275,8 +282,10 @@ static inline lanes_output expose_plain_lanes(const camera_t *c, camera_kind_t k
     return codes_of(s, kind == CAMERA_PLAIN ? value : nearest(value));
 }
 
-// count pixels of row y in quarter j from x on, a multiple of LANES; their noise is that of block k; value: their signals.
-static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k, const frame_noise_t *noise, lanes_f value) {
+// count pixels of row y in quarter j from x on, a multiple of LANES; their noise is that of block k; value: their
+// signals.
+static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, uint y, uint j, uint k,
+                                        const frame_noise_t *noise, lanes_f value) {
     const sensor_t *s = &c->s;
     const uint switches = s->switches;
     const ulong i = (ulong)y * s->width + x;
@@ -297,7 +306,8 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
     }
     value += s->dark_signal;
     if (switches & SENSOR_SHOT_NOISE)
-        value = s->dn_per_electron * poissons(smaller(value * s->electrons_per_dn, SPREAD(1e30f)), noise->shot[k][j], noise->shot_words[k][j]);
+        value = s->dn_per_electron * poissons(smaller(value * s->electrons_per_dn, SPREAD(1e30f)), noise->shot[k][j],
+                                              noise->shot_words[k][j]);
     value = smaller(value, SPREAD(s->saturation));
     if (c->lag_state) {
         if (!(switches & SENSOR_LAG_FIRST))
@@ -324,7 +334,8 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
     if (switches & SENSOR_TELEGRAPH)
         value += noise->telegraph[k][j];
     if (switches & SENSOR_READ_NOISE)
-        value = fma(c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise), noise->read[k][j], value);
+        value = fma(c->read_noise_map ? load_some(c->read_noise_map + i, count) : SPREAD(s->read_noise),
+                    noise->read[k][j], value);
     if (switches & SENSOR_CODE_WIDTHS)
         value = codes_between_levels(s, value * s->steps_per_dn) * s->code_step;
     else if (switches & SENSOR_QUANTIZE)

@@ -10,9 +10,10 @@
 
 #if SHOT_NOISE
 // Poisson deviate of the given mean. Below 12 by inversion: the number of k with t < P(N > k), t uniform. An N whose
-// probability is below the resolution of a word, 2^-32, never occurs; those above the mean end at 40. From 12 on floor(x), where
-// x solves P(Poisson <= x - 1) = Phi(w) for a standard normal w, by the Cornish-Fisher series in 1 / sqrt(mean) (Giles, ACM TOMS 42
-// (2016), Algorithm 955); the coefficients of the last term are fitted to the inverse incomplete gamma function.
+// probability is below the resolution of a word, 2^-32, never occurs; those above the mean end at 40. From 12 on
+// floor(x), where x solves P(Poisson <= x - 1) = Phi(w) for a standard normal w, by the Cornish-Fisher series in 1 /
+// sqrt(mean) (Giles, ACM TOMS 42 (2016), Algorithm 955); the coefficients of the last term are fitted to the inverse
+// incomplete gamma function.
 static inline ALWAYS_INLINE float poisson(float mean, float w, uint word) {
     if (mean < 12.0f) {
         const float t = uniform_from_word(word);
@@ -65,13 +66,14 @@ static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, ui
     noise.shot = normals_from_block(image_block(x, row, s->frame_low, s->frame_high, STREAM_SHOT_NOISE, key));
     noise.shot_words = image_block(x, row, s->frame_low, s->frame_high, STREAM_SHOT_NOISE + 1, key);
 #endif
-    // Row and column noise are images one pixel wide and one pixel high. They are drawn again by every pixel: no pass, no memory,
-    // nothing that frames on several queues could share.
+    // Row and column noise are images one pixel wide and one pixel high. They are drawn again by every pixel: no pass,
+    // no memory, nothing that frames on several queues could share.
 #if ROW_NOISE
     noise.rows = normals_from_block(image_block(0, row, s->frame_low, s->frame_high, STREAM_ROW_NOISE, key));
 #endif
 #if COLUMN_NOISE
-    noise.column = s->column_noise * normals_from_block(image_block(x, 0, s->frame_low, s->frame_high, STREAM_COLUMN_NOISE, key)).n0;
+    noise.column = s->column_noise *
+                   normals_from_block(image_block(x, 0, s->frame_low, s->frame_high, STREAM_COLUMN_NOISE, key)).n0;
 #endif
 #if TELEGRAPH
     noise.telegraph_pixels = image_block(x, row, 0, 0, STREAM_TELEGRAPH_PIXEL, key);
@@ -86,9 +88,12 @@ static inline ALWAYS_INLINE float code_wave_at(const sensor_t *s, float at) {
 }
 
 // Where a code begins.
-static inline ALWAYS_INLINE float level_of_code(const sensor_t *s, float code) { return (code - 0.5f) + code_wave_at(s, code - 0.5f); }
+static inline ALWAYS_INLINE float level_of_code(const sensor_t *s, float code) {
+    return (code - 0.5f) + code_wave_at(s, code - 0.5f);
+}
 
-// The code whose level is the last one below the value. The wave at the value for that at the level leads one code astray at most.
+// The code whose level is the last one below the value. The wave at the value for that at the level leads one code
+// astray at most.
 static inline ALWAYS_INLINE float code_between_levels(const sensor_t *s, float value) {
     const float code = rint(value - code_wave_at(s, value));
     return value < level_of_code(s, code) ? code - 1.0f : value >= level_of_code(s, code + 1.0f) ? code + 1.0f : code;
@@ -96,10 +101,13 @@ static inline ALWAYS_INLINE float code_between_levels(const sensor_t *s, float v
 #endif
 
 // The signal that the intensity gives. fmax drops NaN.
-static inline ALWAYS_INLINE float signal_of(const sensor_t *s, float intensity) { return fmax(s->gain * intensity, 0.0f); }
+static inline ALWAYS_INLINE float signal_of(const sensor_t *s, float intensity) {
+    return fmax(s->gain * intensity, 0.0f);
+}
 
 // Pixel (x, y), y = row + j quarter; noise: of x and row; value: its signal.
-static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y, uint j, const pixel_noise_t *noise, float value) {
+static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y, uint j, const pixel_noise_t *noise,
+                                              float value) {
     const sensor_t *s = &c->s;
     const ulong i = (ulong)y * s->width + x;
 #if MOSAIC
@@ -129,7 +137,8 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
     value = fma(-s->cubic * value, part * (part * part), value);
 #endif
 #if GAMMA
-    // Below 2^-100 of full scale a signal counts as 0, above 2^12 as 2^12, so that no power leaves the range of a float.
+    // Below 2^-100 of full scale a signal counts as 0, above 2^12 as 2^12, so that no power leaves the range of a
+    // float.
     const float relative = fmin(value * s->gamma_scale, 4096.0f);
     value = relative >= 0x1p-100f ? s->gamma_full * exp_of(-s->gamma * minus_log(relative)) : 0.0f;
 #endif

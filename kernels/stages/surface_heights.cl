@@ -1,9 +1,10 @@
-// The surface's heights on the field grid in standard deviations: what several lines of a laser see differently (field_sample.h).
+// The surface's heights on the field grid in standard deviations: what several lines of a laser see differently
+// (field_sample.h).
 #include "common/philox.h"
 
 // One work-item a Philox block: four samples, one in each quarter of the rows. epoch: the frame that drew the surface.
-__kernel void surface_heights(uint grid_width, uint grid_height, uint quarter, uint2 key, uint epoch_low, uint epoch_high,
-                              __global float *heights) {
+__kernel void surface_heights(uint grid_width, uint grid_height, uint quarter, uint2 key, uint epoch_low,
+                              uint epoch_high, __global float *heights) {
     const uint x = get_global_id(0), row = get_global_id(1);
     if (x >= grid_width || row >= quarter)
         return;

@@ -1,5 +1,5 @@
-// surface_heights with explicit vectors for CPU devices: the same bits as surface_heights.cl. A work-item draws row y mod Q of the grid, and
-// with it the rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
+// surface_heights with explicit vectors for CPU devices: the same bits as surface_heights.cl. A work-item draws row y
+// mod Q of the grid, and with it the rows Q, 2 Q and 3 Q below (Q: a quarter of the rows), LANES columns at once.
 #include "common/philox.h"
 #include "common/lanes.h"
 

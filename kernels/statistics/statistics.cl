@@ -1,5 +1,6 @@
-// Reductions for the statistics calls. Each work-item strides over the pixels and leaves partial sums for the host to add in double
-// precision; inside a work-item sums are carried as two floats (Knuth's two-sum), so the pixel count does not cost accuracy.
+// Reductions for the statistics calls. Each work-item strides over the pixels and leaves partial sums for the host to
+// add in double precision; inside a work-item sums are carried as two floats (Knuth's two-sum), so the pixel count does
+// not cost accuracy.
 #include "common/pixel.h"
 
 static inline float2 add(float2 sum, float value) {
@@ -49,9 +50,9 @@ __kernel void statistics_first_moment(__global const pixel_t *image, ulong image
 }
 
 // Per work-item: sums of d, d^2, d^3, d^4 with d = (value - mean) / scale; each as high and low float.
-__kernel void statistics_central_moments(__global const pixel_t *image, ulong image_offset, uint image_pitch, uint width,
-                                         uint height, __global const uchar *mask, ulong mask_offset, uint mask_pitch,
-                                         float mean, float inverse_scale, __global float8 *partial) {
+__kernel void statistics_central_moments(__global const pixel_t *image, ulong image_offset, uint image_pitch,
+                                         uint width, uint height, __global const uchar *mask, ulong mask_offset,
+                                         uint mask_pitch, float mean, float inverse_scale, __global float8 *partial) {
     const uint item = get_global_id(0), items = get_global_size(0);
     float2 s1 = (float2)(0.0f, 0.0f), s2 = s1, s3 = s1, s4 = s1;
     for (uint p = item; p < width * height; p += items) {
@@ -70,8 +71,8 @@ __kernel void statistics_central_moments(__global const pixel_t *image, ulong im
 
 // counts[0]: below low, counts[bins + 1]: high and above, counts[bins + 2]: not finite.
 __kernel void statistics_histogram(__global const pixel_t *image, ulong image_offset, uint image_pitch, uint width,
-                                   uint height, __global const uchar *mask, ulong mask_offset, uint mask_pitch, float low,
-                                   float high, float bins_per_unit, uint bins, __global uint *histogram) {
+                                   uint height, __global const uchar *mask, ulong mask_offset, uint mask_pitch,
+                                   float low, float high, float bins_per_unit, uint bins, __global uint *histogram) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height || !counts(mask, mask_offset, mask_pitch, x, y))
         return;
@@ -89,8 +90,8 @@ __kernel void statistics_histogram(__global const pixel_t *image, ulong image_of
 }
 
 // The image less its mean, zero-padded to the grid, as a complex field.
-__kernel void statistics_load(__global const pixel_t *image, ulong image_offset, uint image_pitch, uint width, uint height,
-                              float mean, uint grid_width, uint grid_height, __global float2 *field) {
+__kernel void statistics_load(__global const pixel_t *image, ulong image_offset, uint image_pitch, uint width,
+                              uint height, float mean, uint grid_width, uint grid_height, __global float2 *field) {
     const uint x = get_global_id(0), y = get_global_id(1);
     if (x >= grid_width || y >= grid_height)
         return;

@@ -1,8 +1,9 @@
-// The columns' pass of the engine for CPUs: LANES pupil columns at once, transformed along the columns, multiplied by the pupil and transformed back,
-// in place (the layout is in rows_forward.cl): also between the stages, as a tile beside the lines would need as much of the caches again.
+// The columns' pass of the engine for CPUs: LANES pupil columns at once, transformed along the columns, multiplied by
+// the pupil and transformed back, in place (the layout is in rows_forward.cl): also between the stages, as a tile
+// beside the lines would need as much of the caches again.
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
-//   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as many bytes as the pupil columns
-//   SHIFT 1          the image is shifted, by a phase ramp over the pupil
+//   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as
+//   many bytes as the pupil columns SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "common/lanes.h"
 
 #define FFT_TILE __global
@@ -34,7 +35,8 @@ static inline void multiply_lanes(lanes_complex *a, const lanes_complex *b) {
 #endif
 
 #if SHIFT
-// frequencies: of each position along the column, in cycles per sample; column_turns: frequency along the row times shift_x, of each lane.
+// frequencies: of each position along the column, in cycles per sample; column_turns: frequency along the row times
+// shift_x, of each lane.
 #define FFT_PUPIL_PARAMETERS , PUPIL_PARAMETERS, __global const float *frequencies, float shift_y, lanes_f column_turns
 #define FFT_PUPIL_ARGUMENTS , PUPIL_ARGUMENTS, frequencies, shift_y, column_turns
 static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
@@ -59,22 +61,25 @@ static inline void filter_lanes(lanes_complex *v, uint p FFT_PUPIL_PARAMETERS) {
     v->im *= pupil[p];
 #endif
 }
-#define FFT_PUPIL(p, real, imaginary)                                                                                                      \
-    {                                                                                                                                      \
-        lanes_complex v = {real, imaginary};                                                                                               \
-        filter_lanes(&v, p FFT_PUPIL_ARGUMENTS);                                                                                           \
-        real = v.re;                                                                                                                       \
-        imaginary = v.im;                                                                                                                  \
+#define FFT_PUPIL(p, real, imaginary)                                                                                  \
+    {                                                                                                                  \
+        lanes_complex v = {real, imaginary};                                                                           \
+        filter_lanes(&v, p FFT_PUPIL_ARGUMENTS);                                                                       \
+        real = v.re;                                                                                                   \
+        imaginary = v.im;                                                                                              \
     }
 
 #include "fft/cpu/codelets.h"
 
-// pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_blocks blocks of columns; then they begin anew.
-// ends: of the transform (needed_ends() of the host), for each of the pupil's blocks.
-__kernel void cpu_columns(__global lanes_f *lines, uint column_blocks, uint pupil_blocks, __global const float *twiddles,
-                            __global const uchar *ends, PUPIL_PARAMETERS
+// pupil: amplitude / samples of the field grid, or the lanes' bits, in the order of positions, for each of pupil_blocks
+// blocks of columns; then they begin anew. ends: of the transform (needed_ends() of the host), for each of the pupil's
+// blocks.
+__kernel void cpu_columns(__global lanes_f *lines, uint column_blocks, uint pupil_blocks,
+                          __global const float *twiddles, __global const uchar *ends, PUPIL_PARAMETERS
 #if SHIFT
-                            , __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x, float shift_y
+                          ,
+                          __global const float *frequencies, __global const lanes_f *line_frequencies, float shift_x,
+                          float shift_y
 #endif
 ) {
     const uint column_block = get_global_id(0);

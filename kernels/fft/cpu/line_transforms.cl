@@ -1,12 +1,13 @@
-// One axis of a two-dimensional transform in place, natural order in and out, on LANES lines at once: what the passes of the engine for CPUs are made
-// of, for fields that exist as such (filters, screens).
+// One axis of a two-dimensional transform in place, natural order in and out, on LANES lines at once: what the passes
+// of the engine for CPUs are made of, for fields that exist as such (filters, screens).
 //   ALONG_ROWS 0   columns x .. x + LANES - 1
 //   ALONG_ROWS 1   rows y .. y + LANES - 1
 //   INVERSE 0      exp(-2 pi i ..)
 //   INVERSE 1      exp(+2 pi i ..), the result times `scale`
 #include "common/lanes.h"
 
-// The first and the last stage work in the tile like the others: lines are loaded and stored in another order than either takes.
+// The first and the last stage work in the tile like the others: lines are loaded and stored in another order than
+// either takes.
 #define FFT_TILE __local
 #define FFT_STRIPS 1
 #define FFT_INPUT(strip, p, re, im) re = tiles[2u * (p)], im = tiles[2u * (p) + 1u]
@@ -42,7 +43,8 @@ static inline void store_numbers(lanes_f re, lanes_f im, uint count, __global fl
 // places: where point x of a line goes in the tile, or comes from; a null pointer: in order.
 #if ALONG_ROWS
 
-static inline void load_lines(__global const float *field, uint width, uint rows, __global const uint *places, FFT_TILE lanes_f *tile) {
+static inline void load_lines(__global const float *field, uint width, uint rows, __global const uint *places,
+                              FFT_TILE lanes_f *tile) {
     for (uint x = 0; x < FFT_LENGTH; x += LANES) {
         const uint count = min((uint)LANES, FFT_LENGTH - x);
         lanes_f re[LANES], im[LANES];
@@ -63,8 +65,8 @@ static inline void load_lines(__global const float *field, uint width, uint rows
     }
 }
 
-static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint *places, lanes_f scale, uint width, uint rows,
-                               __global float *field) {
+static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint *places, lanes_f scale, uint width,
+                               uint rows, __global float *field) {
     for (uint x = 0; x < FFT_LENGTH; x += LANES) {
         const uint count = min((uint)LANES, FFT_LENGTH - x);
         lanes_f re[LANES], im[LANES];
@@ -98,8 +100,8 @@ static inline void load_lines(__global const float *field, uint width, uint colu
     }
 }
 
-static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint *places, lanes_f scale, uint width, uint columns,
-                               __global float *field) {
+static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint *places, lanes_f scale, uint width,
+                               uint columns, __global float *field) {
     for (uint y = 0; y < FFT_LENGTH; ++y) {
         const uint p = places ? places[y] : y;
         store_numbers(scale * tile[2u * p], scale * tile[2u * p + 1u], columns, field + 2u * (ulong)y * width);
@@ -110,9 +112,10 @@ static inline void store_lines(FFT_TILE const lanes_f *tile, __global const uint
 
 #endif
 
-// field: rows of `width` complex numbers. line_count: of all lines. positions: where each frequency stands in a transformed line.
-__kernel void line_transform(__global float *field, uint width, uint line_count, float scale, __global const float *twiddles,
-                        __global const uint *positions, __local lanes_f *tiles) {
+// field: rows of `width` complex numbers. line_count: of all lines. positions: where each frequency stands in a
+// transformed line.
+__kernel void line_transform(__global float *field, uint width, uint line_count, float scale,
+                             __global const float *twiddles, __global const uint *positions, __local lanes_f *tiles) {
     const uint line = get_global_id(0) * LANES;
     if (line >= line_count)
         return;

@@ -1,25 +1,26 @@
-// The first pass of the engine for CPUs: the field of LANES rows at once (what field_sample.h does, the same bits), its transform along the rows, and
-// of that only the lines that the pupil lets through.
+// The first pass of the engine for CPUs: the field of LANES rows at once (what field_sample.h does, the same bits), its
+// transform along the rows, and of that only the lines that the pupil lets through.
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
-//   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is read once
-//   PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which cache, as __builtin_prefetch() has it
-//   STREAM_LINES 1  the pupil columns go past the caches
+//   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is
+//   read once PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which
+//   cache, as __builtin_prefetch() has it STREAM_LINES 1  the pupil columns go past the caches
 //
-// Pupil columns lie in column blocks of LANES, in the order in which the transform leaves them: point y of block b is a pair of vectors (re, im) at
-// lines[2 (b grid_height + y)], lane l the l-th column of the block.
+// Pupil columns lie in column blocks of LANES, in the order in which the transform leaves them: point y of block b is a
+// pair of vectors (re, im) at lines[2 (b grid_height + y)], lane l the l-th column of the block.
 #include "stages/field_sample.h"
 #include "common/lanes.h"
 
-// Memory has neighbours along a row, a vector of the transform those of different rows: points go into the tile in squares of LANES by LANES that
-// are transposed on the way, and the first stage takes them from there.
+// Memory has neighbours along a row, a vector of the transform those of different rows: points go into the tile in
+// squares of LANES by LANES that are transposed on the way, and the first stage takes them from there.
 #define FFT_TILE __local
 #define FFT_STRIPS 1
 #define FFT_INPUT(strip, p, re, im) re = tiles[2u * (p)], im = tiles[2u * (p) + 1u]
 #define FFT_ENDS
 #define FFT_INPUT_LOOP _Pragma("unroll")
 #define FFT_OUTPUT(strip, p, re, im)
-// The amplitudes of LANES rows from the ideal image wait behind the tile for the second polarization: of samples x, x + 1 .. in a row.
+// The amplitudes of LANES rows from the ideal image wait behind the tile for the second polarization: of samples x, x +
+// 1 .. in a row.
 #define AMPLITUDES(x, row) tiles[FFT_TILE_VECTORS + (x) + (row)]
 
 #if STREAM_LINES
@@ -66,12 +67,15 @@ typedef struct {
 } fields_t;
 
 // True if what is wrong with the pixel of sample (x, y) is counted here: several samples and the padding share it.
-static int counts(uint x, uint y, uint pixel_x, uint pixel_y) { return x == OVERSAMPLING * pixel_x && y == OVERSAMPLING * pixel_y; }
+static int counts(uint x, uint y, uint pixel_x, uint pixel_y) {
+    return x == OVERSAMPLING * pixel_x && y == OVERSAMPLING * pixel_y;
+}
 
 // What lies above in the order of bits is no irradiance: infinite, NaN or negative.
 #define LARGEST_BITS 0x7f7fffffu
 
-// The amplitudes that the irradiance of a span's pixels in row pixel_y gives. worst: the largest bits of an irradiance so far.
+// The amplitudes that the irradiance of a span's pixels in row pixel_y gives. worst: the largest bits of an irradiance
+// so far.
 static inline lanes_f load_amplitudes(const source_t *s, const span_t *span, uint pixel_y, lanes_u *worst) {
     __global const float *row = s->irradiance + (ulong)pixel_y * s->irradiance_pitch;
     lanes_f i0;
@@ -138,7 +142,8 @@ static inline void unit_fields(const source_t *s, const span_t *span, ulong i, l
 }
 
 #if PREFETCH
-// What the field of LANES samples from x on in row y is made of: so many rows side by side are more than the hardware foresees.
+// What the field of LANES samples from x on in row y is made of: so many rows side by side are more than the hardware
+// foresees.
 static inline void prefetch_samples(const source_t *s, uint x, uint y, uint pixel_y, int irradiance) {
     const ulong i = (ulong)y * s->grid_width + x;
     if (irradiance)
@@ -152,8 +157,8 @@ static inline void prefetch_samples(const source_t *s, uint x, uint y, uint pixe
 #endif
 }
 
-// How the rows begin that come behind block `block` of polarization k's transform: those of the second polarization, or of the work-item that follows.
-// A part of the rows with each block.
+// How the rows begin that come behind block `block` of polarization k's transform: those of the second polarization, or
+// of the work-item that follows. A part of the rows with each block.
 static inline void prefetch_starts(const source_t *s, uint k, uint block, uint blocks) {
     source_t next = *s;
     if (k + 1 < POLARIZATIONS) {
@@ -165,13 +170,15 @@ static inline void prefetch_starts(const source_t *s, uint k, uint block, uint b
     for (uint row = block * LANES / blocks; row < (block + 1) * LANES / blocks; ++row) {
         const uint y = min(next.y + row, s->grid_height - 1u);
         for (uint x = 0; x < PREFETCH && x < s->grid_width; x += LANES)
-            prefetch_samples(&next, x, y, pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height), k + 1 == POLARIZATIONS);
+            prefetch_samples(&next, x, y, pixel_of_sample(y, OVERSAMPLING, s->height, s->grid_height),
+                             k + 1 == POLARIZATIONS);
     }
 }
 #endif
 
 // The field of a span of row y, which is part of the pixels' row pixel_y; to vector `row` of both parts.
-static inline void illuminate(const source_t *s, const span_t *span, uint y, uint pixel_y, lanes_f amplitude, uint row, fields_t *fields) {
+static inline void illuminate(const source_t *s, const span_t *span, uint y, uint pixel_y, lanes_f amplitude, uint row,
+                              fields_t *fields) {
     const ulong i = (ulong)y * s->grid_width + span->x;
     lanes_complex z;
     unit_fields(s, span, i, &z);
@@ -219,7 +226,8 @@ static inline void illuminate(const source_t *s, const span_t *span, uint y, uin
 #include "fft/cpu/codelets.h"
 
 // LANES points of the rows, from x on, into the tile. first: no amplitudes wait yet.
-static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int first, lanes_u *worst, __local lanes_f *tiles) {
+static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int first, lanes_u *worst,
+                                             __local lanes_f *tiles) {
     span_t span;
     span.x = x;
     span.count = min((uint)LANES, FFT_LENGTH - x);
@@ -269,13 +277,13 @@ static inline ALWAYS_INLINE void load_points(const source_t *s, uint x, int firs
     }
 }
 
-// positions: of each pupil column in the transform, `column_blocks` of LANES, the last one filled up with FFT_LENGTH, where the tile holds 0.
-// blocks: for each block of the transform three numbers, of which the first counts the column blocks that are complete behind it.
-// ends: of the transform (needed_ends() of the host), so that pupil columns are among what is made.
-__kernel void cpu_rows_forward(FIELD_PARAMETERS,
-                                 __global lanes_f *lines, __global uint *bad, __global const float *twiddles,
-                                 __global const uint *positions, uint column_blocks, __global const uint *blocks, __global const uchar *ends,
-                                 __local lanes_f *tiles) {
+// positions: of each pupil column in the transform, `column_blocks` of LANES, the last one filled up with FFT_LENGTH,
+// where the tile holds 0. blocks: for each block of the transform three numbers, of which the first counts the column
+// blocks that are complete behind it. ends: of the transform (needed_ends() of the host), so that pupil columns are
+// among what is made.
+__kernel void cpu_rows_forward(FIELD_PARAMETERS, __global lanes_f *lines, __global uint *bad,
+                               __global const float *twiddles, __global const uint *positions, uint column_blocks,
+                               __global const uint *blocks, __global const uchar *ends, __local lanes_f *tiles) {
     const uint y = get_global_id(0) * LANES;
     if (y >= grid_height)
         return;

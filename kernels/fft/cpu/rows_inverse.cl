@@ -1,9 +1,11 @@
-// The last pass of the engine for CPUs: LANES rows at once from the pupil columns back to the image plane, and the intensity.
+// The last pass of the engine for CPUs: LANES rows at once from the pupil columns back to the image plane, and the
+// intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
-//   PREFETCH_LINES 1  pupil columns are asked for ahead: those of the second polarization, or of the work-item that follows
-//   STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
-//   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in sensor_lanes.h); OVERSAMPLING 1
+//   PREFETCH_LINES 1  pupil columns are asked for ahead: those of the second polarization, or of the work-item that
+//   follows STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
+//   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in
+//   sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
 #include "stages/sensor_lanes.h"
 #else
@@ -14,20 +16,21 @@
 #define FFT_STRIPS 1
 #define FFT_INPUT(strip, p, re, im)
 #define FFT_ENDS
-// The powers wait where they can be had across rows: neighbours in a vector are of different ones, in memory of the same. The first polarization's
-// must outlive the second's transform.
+// The powers wait where they can be had across rows: neighbours in a vector are of different ones, in memory of the
+// same. The first polarization's must outlive the second's transform.
 #if POLARIZATIONS == 1
 #define POWER(p) tiles[2u * (p)]
 #define FFT_OUTPUT(strip, p, re, im) POWER(p) = weight * fma(re, re, (im) * (im))
 #else
 #define POWER(p) tiles[FFT_TILE_VECTORS + (p)]
-#define FFT_OUTPUT(strip, p, re, im)                                                                                                    \
+#define FFT_OUTPUT(strip, p, re, im)                                                                                   \
     POWER(p) = k == 0 ? weight * fma(re, re, (im) * (im)) : POWER(p) + second_weight * fma(re, re, (im) * (im))
 #endif
 
 // Spans of LANES pixels side by side that are written together: what a row gets at once are whole cache lines.
 #if SENSOR
-// Rows of each quarter of the image that a work-item has, whose random numbers are the same blocks', and those that are drawn for them.
+// Rows of each quarter of the image that a work-item has, whose random numbers are the same blocks', and those that are
+// drawn for them.
 #define QUARTER_ROWS (LANES / 4)
 #define NOISE_ROWS (QUARTER_ROWS < 2 ? 2 : QUARTER_ROWS)
 #define SPANS (NOISE_BLOCKS / NOISE_ROWS)
@@ -99,36 +102,44 @@ typedef struct {
     __global output_t *to;
 } row_t;
 
-// Row `row` of quarter j, from column x on, of a work-item whose first is row `first`. One that does not exist can be read like others.
+// Row `row` of quarter j, from column x on, of a work-item whose first is row `first`. One that does not exist can be
+// read like others.
 static inline row_t row_of(const camera_t *camera, const image_t *image, uint j, uint row, uint first, uint x) {
     const uint y = row + j * camera->s.quarter, i = row - first;
     const int exists = row >= first && i < QUARTER_ROWS && row < camera->s.quarter && y < image->height;
-    const row_t found = {exists, j * QUARTER_ROWS + (exists ? i : 0u), image->before + (ulong)(exists ? y : 0u) * image->before_pitch + x,
+    const row_t found = {exists, j * QUARTER_ROWS + (exists ? i : 0u),
+                         image->before + (ulong)(exists ? y : 0u) * image->before_pitch + x,
                          camera->output + (ulong)y * camera->output_pitch + x};
     return found;
 }
 
 // power: of span `span` from the row's first column on.
-static inline lanes_f signals_at(const camera_t *camera, int adds, lanes_f power, const row_t *row, uint span, uint count) {
+static inline lanes_f signals_at(const camera_t *camera, int adds, lanes_f power, const row_t *row, uint span,
+                                 uint count) {
     if (adds)
         power += load_some(row->before + span * LANES, count);
     return signals_of(&camera->s, power);
 }
 
-// LANES codes in both rows of a pair, of which the random words make a normal each; also of one that does not exist, so that there is
-// nothing to ask before the normals.
-static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, int adds, const spans_t *spans, const row_t *even,
-                                             const row_t *odd, uint span, lanes_u words, lanes_output *codes) {
+// LANES codes in both rows of a pair, of which the random words make a normal each; also of one that does not exist, so
+// that there is nothing to ask before the normals.
+static inline ALWAYS_INLINE void expose_pair(const camera_t *camera, camera_kind_t kind, int adds, const spans_t *spans,
+                                             const row_t *even, const row_t *odd, uint span, lanes_u words,
+                                             lanes_output *codes) {
     lanes_f normal, other;
     normal_pairs_from_words(words, &normal, &other);
-    codes[0] = expose_plain_lanes(camera, kind, 1, normal, signals_at(camera, adds, spans->of[span][even->lane], even, span, LANES));
-    codes[1] = expose_plain_lanes(camera, kind, 1, other, signals_at(camera, adds, spans->of[span][odd->lane], odd, span, LANES));
+    codes[0] = expose_plain_lanes(camera, kind, 1, normal,
+                                  signals_at(camera, adds, spans->of[span][even->lane], even, span, LANES));
+    codes[1] = expose_plain_lanes(camera, kind, 1, other,
+                                  signals_at(camera, adds, spans->of[span][odd->lane], odd, span, LANES));
 }
 
-// The codes of `whole` spans, none of which reaches over the border, of a camera that has read noise and is not of kind CAMERA_ANY. Normals
-// are made where they are needed, between stores that go past the caches: those come not all at once. kind, adds: best constants.
-static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, camera_kind_t kind, int adds, const image_t *image,
-                                                    const spans_t *spans, uint whole, uint first, const noise_blocks_t *blocks) {
+// The codes of `whole` spans, none of which reaches over the border, of a camera that has read noise and is not of kind
+// CAMERA_ANY. Normals are made where they are needed, between stores that go past the caches: those come not all at
+// once. kind, adds: best constants.
+static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, camera_kind_t kind, int adds,
+                                                    const image_t *image, const spans_t *spans, uint whole, uint first,
+                                                    const noise_blocks_t *blocks) {
     lanes_u words[NOISE_BLOCKS / 2][4];
     draw_read_words(&camera->s, blocks, words);
     for (uint j = 0; j < 4; ++j)
@@ -160,8 +171,8 @@ static inline ALWAYS_INLINE void expose_plain_spans(const camera_t *camera, came
 }
 
 // The codes of all other spans: those from `begin` on. blocks: where their noise lies.
-static inline void expose_spans(const camera_t *camera, const image_t *image, const spans_t *spans, uint begin, uint first,
-                                const noise_blocks_t *blocks) {
+static inline void expose_spans(const camera_t *camera, const image_t *image, const spans_t *spans, uint begin,
+                                uint first, const noise_blocks_t *blocks) {
     frame_noise_t noise;
     draw_noise(&camera->s, blocks, &noise);
     for (uint j = 0; j < 4; ++j)
@@ -206,20 +217,20 @@ static inline void store_spans(const image_t *image, const spans_t *spans, uint 
 }
 #endif
 
-// positions: of the pupil columns (as in rows_forward), then of all others that are read. blocks: for each block of the transform three numbers; the
-// second counts the column blocks that reach into it or lie before it, the third the other lines up to its end. ends: as in rows_forward. width, height:
-// of the image in pixels. adds 1: the intensity is added to `before`, which may be the same pixels; a switch at run time, as the transform
-// takes long to compile.
+// positions: of the pupil columns (as in rows_forward), then of all others that are read. blocks: for each block of the
+// transform three numbers; the second counts the column blocks that reach into it or lie before it, the third the other
+// lines up to its end. ends: as in rows_forward. width, height: of the image in pixels. adds 1: the intensity is added
+// to `before`, which may be the same pixels; a switch at run time, as the transform takes long to compile.
 __kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, __global const float *twiddles,
-                                 __global const uint *positions, uint column_blocks, __global const uint *blocks,
-                                 __global const uchar *ends, float weight,
-                                 float second_weight, uint adds, __global const float *before, ulong before_offset, uint before_pitch,
+                               __global const uint *positions, uint column_blocks, __global const uint *blocks,
+                               __global const uchar *ends, float weight, float second_weight, uint adds,
+                               __global const float *before, ulong before_offset, uint before_pitch,
 #if SENSOR
-                                 SENSOR_PARAMETERS,
+                               SENSOR_PARAMETERS,
 #else
-                                 __global float *intensity, ulong intensity_offset, uint intensity_pitch,
+                               __global float *intensity, ulong intensity_offset, uint intensity_pitch,
 #endif
-                                 uint width, uint height, __local lanes_f *tiles) {
+                               uint width, uint height, __local lanes_f *tiles) {
 #if SENSOR
     const uint first = get_global_id(0) * QUARTER_ROWS;
     if (first >= sensor.quarter)
@@ -241,7 +252,8 @@ __kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, 
     }
     image_t image;
 #if SENSOR
-    image.streams = STREAM && output_pitch % (2 * LANES) == 0 && ((size_t)(output + output_offset) & (2 * sizeof(lanes_output) - 1)) == 0;
+    image.streams = STREAM && output_pitch % (2 * LANES) == 0 &&
+                    ((size_t)(output + output_offset) & (2 * sizeof(lanes_output) - 1)) == 0;
 #else
     image.intensity = intensity + intensity_offset;
     image.pitch = intensity_pitch;
@@ -266,7 +278,8 @@ __kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, 
                 __global const uint *places = positions + column_block * LANES;
 #if PREFETCH_LINES
                 const ulong polarization = 2 * (ulong)column_blocks * grid_height;
-                __global const lanes_f *next = k + 1 < POLARIZATIONS ? in + polarization : in + 2u * NEXT_ROWS - k * polarization;
+                __global const lanes_f *next =
+                    k + 1 < POLARIZATIONS ? in + polarization : in + 2u * NEXT_ROWS - k * polarization;
                 for (uint l = 0; l < LANES; ++l)
                     for (uint part = 0; part < 2; ++part)
                         prefetch_line(next + 2u * rows[l] + part, 3);
@@ -291,7 +304,8 @@ __kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, 
 #if SENSOR
     const camera_t camera = SENSOR_CAMERA;
     const camera_kind_t kind = kind_of(&camera);
-    const uint noise_row = first / NOISE_ROWS * NOISE_ROWS, noise_rows = min((uint)NOISE_ROWS, sensor.quarter - noise_row);
+    const uint noise_row = first / NOISE_ROWS * NOISE_ROWS,
+               noise_rows = min((uint)NOISE_ROWS, sensor.quarter - noise_row);
 #endif
     for (uint x = 0; x < width; x += SPANS * LANES) {
         spans_t spans;
@@ -299,7 +313,8 @@ __kernel void cpu_rows_inverse(__global const lanes_f *lines, uint grid_height, 
 #if SENSOR
         const uint across = min((uint)SPANS, (width - x + LANES - 1u) / LANES);
         const noise_blocks_t blocks_of_noise = {x, across, noise_row, across * noise_rows};
-        const uint whole = kind == CAMERA_ANY || !(camera.s.switches & SENSOR_READ_NOISE) ? 0u : min(across, (width - x) / LANES);
+        const uint whole =
+            kind == CAMERA_ANY || !(camera.s.switches & SENSOR_READ_NOISE) ? 0u : min(across, (width - x) / LANES);
         if (whole > 0 && kind == CAMERA_WHOLE_CODES && !image.adds)
             expose_plain_spans(&camera, CAMERA_WHOLE_CODES, 0, &image, &spans, whole, first, &blocks_of_noise);
         else if (whole > 0) // whole codes, too: the same bits

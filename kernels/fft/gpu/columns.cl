@@ -1,5 +1,5 @@
-// The columns' pass of the engine for GPUs: FFT_LINES neighbouring pupil columns, transformed along the columns, multiplied by the pupil
-// and transformed back, in place (the layout is in work_groups.h).
+// The columns' pass of the engine for GPUs: FFT_LINES neighbouring pupil columns, transformed along the columns,
+// multiplied by the pupil and transformed back, in place (the layout is in work_groups.h).
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "fft/gpu/work_groups.h"
@@ -10,18 +10,19 @@ typedef float2 pupil_t;
 typedef float pupil_t;
 #endif
 
-// pupil_columns: how many there are. pupil: amplitude / samples of the field grid, at last_entry() * pitch + line. frequencies: in the order of
-// last_entry(), in cycles per sample along the column; line_frequencies: of each line, along the row. shift_x, shift_y: in samples.
-// lines_back, pitch_back, twiddles_back: the same as lines, pitch and twiddles by other names, so that compilers do not keep all addresses
-// and factors in registers on the way there and back.
-__kernel WORK_GROUP_SIZE void gpu_columns(__global const float2 *lines, __global float2 *lines_back, uint pupil_columns, uint pitch,
-                                              uint pitch_back, __global const float2 *twiddles,
-                                              __global const float2 *twiddles_back, __global const pupil_t *pupil,
+// pupil_columns: how many there are. pupil: amplitude / samples of the field grid, at last_entry() * pitch + line.
+// frequencies: in the order of last_entry(), in cycles per sample along the column; line_frequencies: of each line,
+// along the row. shift_x, shift_y: in samples. lines_back, pitch_back, twiddles_back: the same as lines, pitch and
+// twiddles by other names, so that compilers do not keep all addresses and factors in registers on the way there and
+// back.
+__kernel WORK_GROUP_SIZE void gpu_columns(__global const float2 *lines, __global float2 *lines_back, uint pupil_columns,
+                                          uint pitch, uint pitch_back, __global const float2 *twiddles,
+                                          __global const float2 *twiddles_back, __global const pupil_t *pupil,
 #if SHIFT
-                                              __global const float *frequencies, __global const float *line_frequencies, float shift_x,
-                                              float shift_y,
+                                          __global const float *frequencies, __global const float *line_frequencies,
+                                          float shift_x, float shift_y,
 #endif
-                                              __local float *tiles) {
+                                          __local float *tiles) {
     const uint line = ITEM_LINE, t = ITEM_T, k = (uint)get_group_id(0) * FFT_LINES + line;
     // Work-items beyond the last line read what lies behind it in each row, and store nothing.
     const uint column = min(k, pitch - 1u);
@@ -80,7 +81,8 @@ __kernel WORK_GROUP_SIZE void gpu_columns(__global const float2 *lines, __global
         if (fft_first_takes(b)) {
 #pragma unroll
             for (uint q = 0; q < FFT_FIRST_RADIX; ++q)
-                to[(size_t)fft_first_point(0u, q) * pitch_back] = (float2)(re[c * FFT_FIRST_RADIX + q], im[c * FFT_FIRST_RADIX + q]);
+                to[(size_t)fft_first_point(0u, q) * pitch_back] =
+                    (float2)(re[c * FFT_FIRST_RADIX + q], im[c * FFT_FIRST_RADIX + q]);
         }
     }
 }

@@ -1,18 +1,20 @@
-// The first pass of the engine for GPUs: the field of FFT_LINES rows, its transform along the rows, and of that only the
-// frequencies that the pupil lets through.
-//   MATERIALS, COHERENT, LINES, SCREEN, PADDED as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
-//   OVERSAMPLING n
+// The first pass of the engine for GPUs: the field of FFT_LINES rows, its transform along the rows, and of that only
+// the frequencies that the pupil lets through.
+//   MATERIALS, COHERENT, LINES, SCREEN, PADDED as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in
+//   phase_state.h OVERSAMPLING n
 #include "stages/field_sample.h"
 #include "fft/gpu/work_groups.h"
 
 // slots: of each position's line, in the order of last_entry().
 __kernel WORK_GROUP_SIZE void gpu_rows_forward(FIELD_PARAMETERS, __global float2 *lines, uint pitch, __global uint *bad,
-                                                   __global const float2 *twiddles, __global const uint *slots, __local float *tiles) {
+                                               __global const float2 *twiddles, __global const uint *slots,
+                                               __local float *tiles) {
     const uint line = ITEM_LINE, t = ITEM_T, y = (uint)get_group_id(0) * FFT_LINES + line;
-    const uint row = min(y, grid_height - 1u); // work-items beyond the last row do what those of that row do, and store nothing
+    const uint row =
+        min(y, grid_height - 1u); // work-items beyond the last row do what those of that row do, and store nothing
     float re[FFT_POINTS], im[FFT_POINTS];
-    // No branch and no store stands between the reads: a GPU's compiler then issues many before it waits for the first. Bad pixels are told
-    // afterwards.
+    // No branch and no store stands between the reads: a GPU's compiler then issues many before it waits for the first.
+    // Bad pixels are told afterwards.
     uint wrong = 0;
 #pragma unroll
     for (uint c = 0; c < FFT_FIRST_COUNT; ++c) {
@@ -24,7 +26,8 @@ __kernel WORK_GROUP_SIZE void gpu_rows_forward(FIELD_PARAMETERS, __global float2
                 input[q] = field_input(FIELD_ARGUMENTS(OVERSAMPLING), fft_first_point((size_t)b, q), row);
 #pragma unroll
             for (uint q = 0; q < FFT_FIRST_RADIX; ++q) {
-                const complex_float u = field_value(FIELD_ARGUMENTS(OVERSAMPLING), input[q], &wrong, fft_first_point((size_t)b, q), row);
+                const complex_float u =
+                    field_value(FIELD_ARGUMENTS(OVERSAMPLING), input[q], &wrong, fft_first_point((size_t)b, q), row);
                 re[c * FFT_FIRST_RADIX + q] = u.re;
                 im[c * FFT_FIRST_RADIX + q] = u.im;
             }

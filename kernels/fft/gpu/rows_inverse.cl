@@ -1,8 +1,9 @@
-// The last pass of the engine for GPUs: FFT_LINES rows from the pupil columns back to the image plane, and the intensity.
+// The last pass of the engine for GPUs: FFT_LINES rows from the pupil columns back to the image plane, and the
+// intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; FFT_LINES is a multiple of n
-//   SENSOR 1        the intensity goes through the camera's chain, and only the frame is written; sensor_pixel.h's switches
-//   PADDED 1        the field grid is larger than the image's samples
-//   QUARTERS 1      (with SENSOR) FFT_LINES is 4 n, one row of pixels in each quarter of the image: they share blocks of random numbers
+//   SENSOR 1        the intensity goes through the camera's chain, and only the frame is written; sensor_pixel.h's
+//   switches PADDED 1        the field grid is larger than the image's samples QUARTERS 1      (with SENSOR) FFT_LINES
+//   is 4 n, one row of pixels in each quarter of the image: they share blocks of random numbers
 #include "fft/gpu/work_groups.h"
 #if SENSOR
 #include "stages/sensor_pixel.h"
@@ -14,17 +15,18 @@
 #define IN_IMAGE(x) 1
 #endif
 
-// slots: of each position's line, in the order of last_entry(). width, height: of the image in pixels. adds 1: the intensity is added to
-// `before`, which may be the same pixels.
+// slots: of each position's line, in the order of last_entry(). width, height: of the image in pixels. adds 1: the
+// intensity is added to `before`, which may be the same pixels.
 __kernel WORK_GROUP_SIZE void gpu_rows_inverse(__global const float2 *lines, uint pitch, uint grid_height,
-                                                   __global const float2 *twiddles, __global const uint *slots, float weight, uint adds,
-                                                   __global const float *before, ulong before_offset, uint before_pitch,
+                                               __global const float2 *twiddles, __global const uint *slots,
+                                               float weight, uint adds, __global const float *before,
+                                               ulong before_offset, uint before_pitch,
 #if SENSOR
-                                                   SENSOR_PARAMETERS,
+                                               SENSOR_PARAMETERS,
 #else
-                                                   __global float *intensity, ulong intensity_offset, uint intensity_pitch,
+                                               __global float *intensity, ulong intensity_offset, uint intensity_pitch,
 #endif
-                                                   uint width, uint height, __local float *tiles) {
+                                               uint width, uint height, __local float *tiles) {
     const uint line = ITEM_LINE, t = ITEM_T, group = (uint)get_group_id(0);
 #if QUARTERS
     const uint pixel_y = group + line / OVERSAMPLING * sensor.quarter;
