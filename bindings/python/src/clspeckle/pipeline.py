@@ -860,7 +860,8 @@ class Pipeline(Stage):
         if converter is not None:
             for name in ("effective_bits", "saturation_dn", "gamma", "cubic_nonlinearity"):
                 setattr(traits, name, getattr(converter, name))
-        return _changed_by(traits, {effect: list(values.values()) for effect, values in self._effects.items()})
+        catalogued = {effect: list(v.values()) for effect, v in self._effects.items() if effect not in self._own}
+        return _changed_by(traits, catalogued)
 
     @property
     def effects(self) -> dict[str, dict[str, float]]:
