@@ -1343,7 +1343,8 @@ def lit(width: int) -> None:
     aperture.width = width
     codes = np.zeros(SHAPE, np.uint16)
     _library.call(
-        "clspSimulate", clspeckle.default_context()._get(), SHAPE[1], SHAPE[0], ONES.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
+        "clspSimulate", clspeckle.default_context()._get(), SHAPE[1], SHAPE[0],
+        ONES.ctypes.data_as(ctypes.POINTER(ctypes.c_float)),
         ctypes.byref(aperture), None, 1, 0, codes.ctypes.data_as(ctypes.POINTER(ctypes.c_uint16)),
     )  # fmt: skip
 
