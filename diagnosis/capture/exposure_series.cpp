@@ -2,9 +2,8 @@
 
 #include <Eigen/Dense>
 
-#include <algorithm>
 #include <cmath>
-#include <optional>
+#include <set>
 
 namespace clsp {
 namespace {
@@ -13,6 +12,8 @@ namespace {
 constexpr std::size_t kLeastExposures = 3;
 // Light is off a line by this factor at most, as far as responses bend; else the lamp was set anew.
 constexpr double kMostBent = 1.25;
+// Of the converter's range: EMVA 1288 judges linearity below it.
+constexpr double kSaturated = 0.95;
 // Of the least light, what a shutter that opens longer than it says may give; else the light does not go as the time.
 constexpr double kMostOffset = 0.5;
 
@@ -34,13 +35,20 @@ Line line_of(const CaptureLayout &layout, const std::vector<double> &light, cons
 } // namespace
 
 std::vector<std::size_t> exposure_series(const CaptureLayout &layout, const std::vector<double> &light_dn) {
-    if (exposure_count(layout, CaptureScene::kFlat) < kLeastExposures)
-        return {};
+    const double saturated_dn = kSaturated * (layout.maximum_code() - layout.black_level_dn);
     std::vector<std::size_t> flats;
-    for (std::size_t s = 0; s < layout.sequences.size(); ++s)
-        if (layout.sequences[s].scene == CaptureScene::kFlat && layout.sequences[s].exposure_ms)
-            flats.push_back(s);
-    if (!std::all_of(flats.begin(), flats.end(), [&](std::size_t s) { return light_dn[s] > 0.0; }))
+    std::set<double> times_ms, f_numbers;
+    for (std::size_t s = 0; s < layout.sequences.size(); ++s) {
+        const SequenceLayout &sequence = layout.sequences[s];
+        if (sequence.scene != CaptureScene::kFlat || !sequence.exposure_ms || light_dn[s] >= saturated_dn)
+            continue;
+        if (!(light_dn[s] > 0.0))
+            return {};
+        flats.push_back(s);
+        times_ms.insert(*sequence.exposure_ms);
+        f_numbers.insert(sequence.f_number);
+    }
+    if (times_ms.size() < kLeastExposures || f_numbers.size() > 1)
         return {};
     const Line line = line_of(layout, light_dn, flats);
     for (const std::size_t s : flats) {

@@ -52,6 +52,22 @@ TEST(ExposureSeries, ALampThatIsSetAnewIsNoSeries) {
     EXPECT_FALSE(is_series({0.0, 100.0, 200.0, 400.0, -1.0}));
 }
 
+TEST(ExposureSeries, LeavesOutWhatIsSaturated) {
+    const std::vector<double> times = {1.0, 2.0, 4.0, 8.0};
+    const CaptureLayout layout = layout_of(times);
+    const double full = layout.maximum_code() - layout.black_level_dn;
+    EXPECT_EQ(exposure_series(layout, {0.0, 0.2 * full, 0.4 * full, 0.8 * full, full}),
+              (std::vector<std::size_t>{1, 2, 3}));
+    EXPECT_TRUE(exposure_series(layout, {0.0, 0.3 * full, 0.6 * full, full, full}).empty()) << "two are left";
+}
+
+TEST(ExposureSeries, IsOfOneFNumber) {
+    const std::vector<double> times = {1.0, 2.0, 4.0, 8.0};
+    CaptureLayout layout = layout_of(times);
+    layout.sequences[2].f_number = 4.0;
+    EXPECT_TRUE(exposure_series(layout, light_of(times, 100.0)).empty());
+}
+
 // The line that is nearest, relatively: of three points its equations are solved by hand.
 TEST(ExposureSeries, OneLampGivesALine) {
     CaptureLayout layout = layout_of({1.0, 2.0, 4.0});
