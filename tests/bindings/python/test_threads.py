@@ -178,3 +178,32 @@ print("done")
 """
     )
     assert result.stdout == "done\n", result.stderr
+
+
+def test_one_device_image_looked_at_by_two_threads(run_python: Runner) -> None:
+    """Views come and go in both, some of them when the garbage collector finds them. Drivers end the process where
+    maps of one memory are not kept apart."""
+    code = (
+        "import gc, threading\n"
+        "import numpy as np, clspeckle\n"
+        "gc.set_threshold(5)\n"
+        "image = clspeckle.DeviceImage((48, 64), np.uint16)\n"
+        "np.asarray(image)[...] = 7\n"
+        "def look(view_of):\n"
+        "    for _ in range(1500):\n"
+        "        view = view_of(image)\n"
+        "        assert view[0, 0] == view[-1, -1] == 7\n"
+        "        ring = [view]\n"
+        "        ring.append(ring)\n"
+        "        np.asarray(image)[5, 5]\n"
+        "ways = np.asarray, np.from_dlpack\n"
+        "threads = [threading.Thread(target=look, args=(way,)) for way in ways]\n"
+        "for thread in threads:\n"
+        "    thread.start()\n"
+        "for thread in threads:\n"
+        "    thread.join()\n"
+        "gc.collect()\n"
+        "print(image.read().mean())\n"
+    )
+    result = run_python(code)
+    assert result.stdout == "7.0\n", (result.returncode, result.stderr)

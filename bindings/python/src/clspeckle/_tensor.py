@@ -5,8 +5,10 @@ OpenCL's functions are found through the library, which is linked with its loade
 
 from __future__ import annotations
 
+import collections
 import ctypes
 import logging
+import threading
 import weakref
 from typing import Any
 
@@ -93,27 +95,56 @@ def host_buffer(context: int, array: npt.NDArray[Any], size_bytes: int) -> int:
     return int(made)
 
 
+# Drivers end a process in which two threads map and unmap one cl_mem at the same time.
+_mapping = threading.Lock()
+# Views that are gone, with a reference each. A finalizer may run while its own thread maps, so that it must not wait:
+# whoever holds the lock unmaps for it.
+_ended: collections.deque[Any] = collections.deque()
+
+
 def mapped(queue: int, memory: Any, offset_bytes: int, size_bytes: int) -> Any:
     """The bytes of a cl_mem of a CPU, where they lie; it is kept while they are used, also if `memory` is closed."""
     library = _library.library()
     library.clEnqueueMapBuffer.restype = ctypes.c_void_p
-    code = ctypes.c_int32()
-    _succeeded(library.clRetainMemObject(ctypes.c_void_p(memory.int_ptr)), "clRetainMemObject")
+    code, event, pointer = ctypes.c_int32(), ctypes.c_void_p(), int(memory.int_ptr)
     region = ctypes.c_size_t(offset_bytes), ctypes.c_size_t(size_bytes)
-    pointers = ctypes.c_void_p(queue), ctypes.c_void_p(memory.int_ptr)
-    flags = 1, ctypes.c_uint64(_CL_MAP_READ_WRITE)
-    address = library.clEnqueueMapBuffer(*pointers, *flags, *region, 0, None, None, ctypes.byref(code))
+    pointers = ctypes.c_void_p(queue), ctypes.c_void_p(pointer)
+    flags = 0, ctypes.c_uint64(_CL_MAP_READ_WRITE)
+    after = 0, None, ctypes.byref(event), ctypes.byref(code)
+    _succeeded(library.clRetainMemObject(ctypes.c_void_p(pointer)), "clRetainMemObject")
+    with _mapping:
+        address = library.clEnqueueMapBuffer(*pointers, *flags, *region, *after)
+    _unmap_ended()
+    if code.value != 0:
+        library.clReleaseMemObject(ctypes.c_void_p(pointer))
     _succeeded(code.value, "clEnqueueMapBuffer")
     view = (ctypes.c_uint8 * size_bytes).from_address(address)
-    weakref.finalize(view, _unmap, pointers, address, memory).atexit = False
+    weakref.finalize(view, _unmap, queue, pointer, address, memory).atexit = False
+    # Not in the lock: what the queue waits for may need another thread, which may map, too.
+    code.value = library.clWaitForEvents(1, ctypes.byref(event))
+    library.clReleaseEvent(event)
+    _succeeded(code.value, "clWaitForEvents")
     return view
 
 
-def _unmap(pointers: tuple[Any, Any], address: int, _memory: Any) -> None:
+def _unmap(*view: Any) -> None:
     if not _library.was_forked():
-        library, (_, pointer) = _library.library(), pointers
-        library.clEnqueueUnmapMemObject(*pointers, ctypes.c_void_p(address), 0, None, None)
-        library.clReleaseMemObject(pointer)
+        _ended.append(view)
+        _unmap_ended()
+
+
+def _unmap_ended() -> None:
+    """Unmaps the views that are gone, or leaves it to the thread that holds the lock, which looks after it."""
+    library = _library.library()
+    while _ended and _mapping.acquire(blocking=False):
+        try:
+            while _ended:
+                queue, pointer, address, _memory = _ended.popleft()  # the memory keeps the queue
+                pointers = ctypes.c_void_p(queue), ctypes.c_void_p(pointer), ctypes.c_void_p(address)
+                library.clEnqueueUnmapMemObject(*pointers, 0, None, None)
+                library.clReleaseMemObject(pointers[1])
+        finally:
+            _mapping.release()
 
 
 def _succeeded(code: int, function: str) -> None:
