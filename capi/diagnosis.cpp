@@ -179,8 +179,8 @@ Hypothesis checked_hypothesis(const ClspHypothesis *user, const std::string &whe
 std::vector<double> hypothesis_values(const Hypothesis &hypothesis, const double *values, std::uint32_t count) {
     if (count > hypothesis.parameters.size())
         throw Error(Status::kInvalidArgument,
-                    fmt::format("count is {}, but the hypothesis \"{}\" has {} parameters", count, hypothesis.id,
-                                hypothesis.parameters.size()));
+                    fmt::format("count is {}, but the hypothesis \"{}\" has {} parameter{}", count, hypothesis.id,
+                                hypothesis.parameters.size(), hypothesis.parameters.size() == 1 ? "" : "s"));
     std::vector<double> result;
     for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i) {
         const HypothesisParameter &p = hypothesis.parameters[i];

@@ -1,9 +1,9 @@
 #include "clspeckle/effects.h"
 
 #include "effects/effects.hpp"
+#include "effects/pipeline_model.hpp"
 #include "fields.hpp"
 #include "handles.hpp"
-#include "effects/pipeline_model.hpp"
 #include "status.hpp"
 #include "texts.hpp"
 
@@ -47,6 +47,12 @@ CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values,
         PipelineModel model = any_camera();
         const ClspCameraTraits given = read_struct(traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
         kTraits(FieldFromC{}, given, model);
+        if (given.bits < 1 || given.bits > 16)
+            throw Error(Status::kInvalidArgument, fmt::format("traits.bits is {}; a sensor has 1 to 16", given.bits));
+        if (given.polarization_count < 1 || given.polarization_count > 2)
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("traits.polarization_count is {}; a phase has 1 or 2", given.polarization_count));
         effect.apply(model, check_effect_values(effect, values, count).data());
         write_struct(*traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
     });

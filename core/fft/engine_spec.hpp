@@ -39,7 +39,7 @@ struct EngineChoice {
 
 // "cpu", "gpu", "clfft".
 const char *engine_name(EngineKind kind);
-// Also of the names that the engines had before: "fused-lanes" (cpu) and "fused-groups" (gpu).
+// Also of the old names, which tuning records may have: "fused-lanes" (cpu) and "fused-groups" (gpu).
 std::optional<EngineKind> engine_of(const std::string &name);
 bool is_old_engine_name(const std::string &name);
 // With the work-groups, if they are given: "gpu, columns 8 x 64, rows 1 x 64" (lines x work-items).

@@ -564,7 +564,8 @@ void Pipeline::plan_scatter(FramePlan &plan, const ImageView &pixels, const Imag
 }
 
 bool Pipeline::exposes_in_last_pass() const {
-    return stages_.sensor && !finishes() && !has_own_effect(OwnEffectPoint::kIntensity) && stages_.aperture->exposes(*stages_.sensor);
+    return stages_.sensor && !finishes() && !has_own_effect(OwnEffectPoint::kIntensity) &&
+           stages_.aperture->exposes(*stages_.sensor);
 }
 
 ImageView Pipeline::plan_distortion(FramePlan &plan, const ImageView &image, const DeviceBuffer &distorted,

@@ -63,7 +63,7 @@ struct SequenceLayout {
     std::uint32_t frame_count = 0;
     double f_number = 0.0;             // its own, or the camera's
     std::optional<double> exposure_ms;
-    bool in_exposure_series = false;   // a flat whose light was found to go as exposure_ms
+    double light_error = 0.0;          // relative, of light that was found to go as exposure_ms; 0: it has its own
     std::vector<std::uint8_t> mask;    // empty, or height * width; 0: ignored
     SmoothLight illumination;          // of lamp or laser, as the frames were found to have it
     std::vector<float> frame_light;    // in each frame, over its mean, as found; empty: all the same

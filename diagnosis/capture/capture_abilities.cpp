@@ -60,7 +60,7 @@ Contents contents(const CaptureLayout &layout, const std::vector<SequenceSummary
     c.laser_ratio = std::max(ratio(board_levels), ratio(dots_levels));
     c.dark_exposures = exposure_count(layout, CaptureScene::kDark) > 1;
     c.f_numbers = f_numbers.size() > 1;
-    c.flat_exposures = !exposure_series(layout, light_dn).empty();
+    c.flat_exposures = !exposure_series(layout, light_dn).flats.empty();
     if (layout.dots) {
         double inner = 1e300, outer = 0.0;
         for (const auto &p : layout.dots->positions_px) {
@@ -151,12 +151,12 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
         : c.flat_ratio >= kSeveralLevels
             ? fmt::format("flat levels span a factor of {:.1f}, and the noise of each is compared: that shows shot "
                           "noise. Their means show no bent response and no full well: light that does not go as "
-                          "exposure_ms, of three times at least, is calibrated for each",
+                          "exposure_ms, of six times at least, is calibrated for each",
                           c.flat_ratio)
             : "at one level of light the slope of variance against mean, a bent response and a low full well are "
               "weakly determined: "
               "the calibrated gain takes up most of it",
-        "one moving board at two or more levels of light, up to near saturation; or flats under one lamp at three or "
+        "one moving board at two or more levels of light, up to near saturation; or flats under one lamp at six or "
         "more exposure_ms");
     add("beam and diffractive element", c.dots,
         c.dots ? "shape, place and flux of dots can be measured"

@@ -1,15 +1,23 @@
 #include "capture/exposure_series.hpp"
 
+#include "statistics/distributions.hpp"
+
 #include <Eigen/Dense>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
 namespace clsp {
 namespace {
 
-// A line has two parameters; the third exposure time tells whether it is one.
-constexpr std::size_t kLeastExposures = 3;
+// A line over the time, and a smooth curve that responses follow: cubic.
+constexpr Eigen::Index kLine = 2, kCurve = 4;
+// Two more than a curve has parameters show how the lamp scatters.
+constexpr std::size_t kLeastExposures = std::size_t{kCurve} + 2;
+constexpr double kNormal95 = 1.959963984540054;
+// No lamp is taken to be steadier, relative.
+constexpr double kLeastLightError = 1e-3;
 // Light is off a line by this factor at most, as far as responses bend; else the lamp was set anew.
 constexpr double kMostBent = 1.25;
 // Of the converter's range: EMVA 1288 judges linearity below it.
@@ -17,24 +25,38 @@ constexpr double kSaturated = 0.95;
 // Of the least light, what a shutter that opens longer than it says may give; else the light does not go as the time.
 constexpr double kMostOffset = 0.5;
 
-struct Line {
-    double rate, offset;
-    double at(double time_ms) const { return offset + rate * time_ms; }
-};
+// A polynomial of the exposure time with so many terms, by least squares of relative differences.
+struct TimeCurve {
+    Eigen::VectorXd coefficients;
+    double unit_ms;
+    Eigen::VectorXd off; // of each flat: the curve over its light, less 1
 
-// Least squares of relative differences.
-Line line_of(const CaptureLayout &layout, const std::vector<double> &light, const std::vector<std::size_t> &flats) {
-    Eigen::MatrixXd design(flats.size(), 2);
-    for (std::size_t k = 0; k < flats.size(); ++k)
-        design.row(static_cast<Eigen::Index>(k)) << *layout.sequences[flats[k]].exposure_ms / light[flats[k]],
-            1.0 / light[flats[k]];
-    const Eigen::Vector2d solution = design.colPivHouseholderQr().solve(Eigen::VectorXd::Ones(design.rows()));
-    return {solution[0], solution[1]};
-}
+    TimeCurve(const CaptureLayout &layout, const std::vector<double> &light, const std::vector<std::size_t> &flats,
+              Eigen::Index terms)
+        : unit_ms(0.0) {
+        for (const std::size_t s : flats)
+            unit_ms = std::max(unit_ms, *layout.sequences[s].exposure_ms);
+        Eigen::MatrixXd design(flats.size(), terms);
+        for (Eigen::Index k = 0; k < design.rows(); ++k) {
+            const std::size_t s = flats[static_cast<std::size_t>(k)];
+            for (Eigen::Index power = 0; power < terms; ++power)
+                design(k, power) = std::pow(*layout.sequences[s].exposure_ms / unit_ms, double(power)) / light[s];
+        }
+        const Eigen::VectorXd ones = Eigen::VectorXd::Ones(design.rows());
+        coefficients = design.colPivHouseholderQr().solve(ones);
+        off = design * coefficients - ones;
+    }
+    double at(double time_ms) const {
+        double sum = 0.0;
+        for (Eigen::Index power = coefficients.size(); power-- > 0;)
+            sum = sum * time_ms / unit_ms + coefficients[power];
+        return sum;
+    }
+};
 
 } // namespace
 
-std::vector<std::size_t> exposure_series(const CaptureLayout &layout, const std::vector<double> &light_dn) {
+ExposureSeries exposure_series(const CaptureLayout &layout, const std::vector<double> &light_dn) {
     const double saturated_dn = kSaturated * (layout.maximum_code() - layout.black_level_dn);
     std::vector<std::size_t> flats;
     std::set<double> times_ms, f_numbers;
@@ -50,23 +72,27 @@ std::vector<std::size_t> exposure_series(const CaptureLayout &layout, const std:
     }
     if (times_ms.size() < kLeastExposures || f_numbers.size() > 1)
         return {};
-    const Line line = line_of(layout, light_dn, flats);
+    const TimeCurve line(layout, light_dn, flats, kLine);
     for (const std::size_t s : flats) {
         const double off = light_dn[s] / line.at(*layout.sequences[s].exposure_ms);
-        if (!(off < kMostBent && off > 1.0 / kMostBent && std::abs(line.offset) <= kMostOffset * light_dn[s]))
+        if (!(off < kMostBent && off > 1.0 / kMostBent && std::abs(line.coefficients[0]) <= kMostOffset * light_dn[s]))
             return {};
     }
-    return flats;
+    const double freedom = double(flats.size()) - double(kCurve);
+    const double scatter = std::sqrt(TimeCurve(layout, light_dn, flats, kCurve).off.squaredNorm() / freedom);
+    // A scatter of few is uncertain itself: Student's law over the normal one.
+    const double doubt = student_two_sided_quantile(0.05, freedom) / kNormal95;
+    return {flats, std::hypot(kLeastLightError, doubt * scatter)};
 }
 
 void tie_light_to_exposures(const CaptureLayout &layout, std::vector<double> &light) {
     std::vector<std::size_t> flats;
     for (std::size_t s = 0; s < light.size(); ++s)
-        if (layout.sequences[s].in_exposure_series && light[s] > 0.0)
+        if (layout.sequences[s].light_error > 0.0 && light[s] > 0.0)
             flats.push_back(s);
     if (flats.size() < kLeastExposures)
         return;
-    const Line line = line_of(layout, light, flats);
+    const TimeCurve line(layout, light, flats, kLine);
     for (const std::size_t s : flats)
         if (const double tied = line.at(*layout.sequences[s].exposure_ms); tied > 0.0)
             light[s] = tied;

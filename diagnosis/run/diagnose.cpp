@@ -300,8 +300,9 @@ DiagnosisResult diagnose(std::shared_ptr<Context> context, const Capture &given,
     std::vector<double> light_dn;
     for (const SequenceSummary &sequence : kept)
         light_dn.push_back(sequence.level_above_dark_dn);
-    for (const std::size_t s : exposure_series(capture.layout, light_dn))
-        capture.layout.sequences[s].in_exposure_series = true;
+    const ExposureSeries series = exposure_series(capture.layout, light_dn);
+    for (const std::size_t s : series.flats)
+        capture.layout.sequences[s].light_error = series.light_error;
     ReplicateRunner runner(context, capture, options.hypotheses, threads);
     if (!tolerances.entries.empty())
         result.acceptance = acceptance_rows(tolerances, measurables(runner, capture));

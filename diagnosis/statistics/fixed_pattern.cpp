@@ -2,8 +2,6 @@
 #include "statistics/spectrum_sums.hpp"
 #include "statistics/statistic_groups.hpp"
 
-#include "capture/exposure_series.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -142,8 +140,8 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {bulk.data()}, 1, &line);
     sink.put("sensor", "fixed_pattern_lines", "log", std::log(spectrum.peaks));
     sink.put("sensor", "fixed_pattern_wave", "log", log_ratio(0.5 * line.amplitude * line.amplitude, temporal));
-    if (geometry.in_exposure_series)
-        sink.put("sensor", "signal_by_exposure", "log", std::log(in.frames.light), kLampError);
+    if (geometry.light_error > 0.0)
+        sink.put("sensor", "signal_by_exposure", "log", std::log(in.frames.light), geometry.light_error);
     // Of several dark sequences after different exposures: what the black level that they share leaves.
     if (geometry.exposures_differ)
         sink.put("sensor", "dark_level", "1", in.frames.mean_signal / in.frames.light, kLeastLevelDeviation);

@@ -39,7 +39,7 @@ Geometry::Geometry(const CaptureLayout &layout, std::size_t sequence, std::uint3
         throw Error(Status::kInvalidArgument,
                     fmt::format("statistics of sequence '{}': no frames; give at least one.", own.name));
     scene = own.scene;
-    in_exposure_series = own.in_exposure_series;
+    light_error = own.light_error;
     exposures_differ = scene == CaptureScene::kDark && exposure_count(layout, scene) > 1;
     moving = own.moving && is_laser(); // incoherent light and the dark look the same, moving or not
     width = layout.width;

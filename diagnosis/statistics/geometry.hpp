@@ -40,7 +40,7 @@ struct Geometry {
 
     CaptureScene scene = CaptureScene::kDark;
     bool moving = false;
-    bool in_exposure_series = false; // a flat whose light goes as its exposure
+    double light_error = 0.0; // of a flat whose light goes as its exposure; 0: of all others
     bool exposures_differ = false; // dark, and not all dark sequences have the same exposure time
     std::size_t width = 0, height = 0, pixels = 0, frames = 0;
     double maximum_code = 0.0, cutoff = 0.0; // cutoff: highest spatial frequency of the intensity, cycles per pixel (D)

@@ -215,6 +215,14 @@ TEST(EffectCatalogue, TraitsAreWhatTheRecordsSet) {
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "traits is NULL",
                       clspEffectChangeTraits("gamma", nullptr, 0, nullptr));
     EXPECT_EQ(0, std::memcmp(&before, &traits, sizeof traits));
+    traits.bits = 17;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "traits.bits is 17",
+                      clspEffectChangeTraits("gamma", nullptr, 0, &traits));
+    traits.bits = before.bits;
+    traits.polarization_count = 3;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "traits.polarization_count is 3",
+                      clspEffectChangeTraits("gamma", nullptr, 0, &traits));
+    traits.polarization_count = before.polarization_count;
     traits.struct_size = 4;
     EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_STRUCT_SIZE, "struct_size",
                       clspEffectChangeTraits("gamma", nullptr, 0, &traits));

@@ -64,6 +64,12 @@ def test_means_show_a_bent_response(tmp_path: Path) -> None:
     assert parameter(report, "shot_noise", "dn_per_electron") == pytest.approx(GAIN_DN, rel=0.02)
 
 
+def test_a_lamp_that_is_not_steady_is_no_response(tmp_path: Path) -> None:
+    report = diagnosed(recorded(tmp_path / "set", 1.0, (1.0, 1.01, 0.99, 1.005, 0.995, 1.0)))
+    assert report["cause"]["effects"] == ["shot_noise"]
+    assert not report["shrink"]["residual_detected"]
+
+
 def test_a_lamp_that_is_set_anew_is_no_response(tmp_path: Path) -> None:
     report = diagnosed(recorded(tmp_path / "set", 1.0, (1.0, 0.8, 0.5, 0.9, 0.6, 0.7)))
     assert report["cause"]["effects"] == ["shot_noise"]
