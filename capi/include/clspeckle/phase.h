@@ -142,7 +142,9 @@ CLSP_API ClspStatus clspPhaseEnqueueSave(ClspPhase phase, cl_command_queue queue
                                          cl_event *event);
 /** Copies a saved state back, bit for bit; it must come from a phase of the same size, field, polarization_count, dynamics and
  *  translate. An application may also make one: with CIRCULAR_GAUSSIAN, REPLACE and without `translate` it is z itself, for each
- *  polarization grid_height x grid_width pairs of floats (re, im). Frames without a refresh image that field. */
+ *  polarization grid_height x grid_width pairs of floats (re, im). Frames without a refresh image that field. Light of
+ *  a mean of 1 has a mean square of 1 where samples are independent; a smooth field passes the pupil whole, and is divided by the
+ *  oversampling for it. */
 CLSP_API ClspStatus clspPhaseEnqueueRestore(ClspPhase phase, cl_command_queue queue, cl_mem mem, uint64_t offset_bytes,
                                             uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
                                             cl_event *event);

@@ -140,14 +140,17 @@ def test_simulate_takes_both(context: clspeckle.Context, ideal: Image, pupil: Im
         ({"pupil": np.full((4, 4), 0.8 + 0.8j)}, clspeckle.errors.InvalidDataError, "from 0 to 1; 16 pixels"),
         ({"pupil": np.full((4, 4), np.nan + 0j)}, clspeckle.errors.InvalidDataError, "magnitudes from 0 to 1"),
         ({"pupil": np.ones(4, complex)}, clspeckle.errors.InvalidArgumentError, r"expected \(height, width\)"),
+        ({"pupil": np.full((4, 4), np.nan)}, clspeckle.errors.InvalidDataError, "^pupil must hold"),
+        ({"pupil": []}, clspeckle.errors.InvalidArgumentError, "^pupil has shape"),
+        ({"pupil_image": []}, clspeckle.errors.InvalidArgumentError, "^pupil_image has shape"),
         ({"pupil": np.zeros((4, 4), complex)}, clspeckle.errors.InvalidArgumentError, "passes nothing"),
         ({"field": np.ones(SHAPE)}, clspeckle.errors.InvalidArgumentError, r"shape \(32, 48\), expected \(39, 54\)"),
         ({"field": np.ones((3, *GRID))}, clspeckle.errors.InvalidArgumentError, "polarization_count"),
         ({"field": np.full(GRID, np.inf)}, clspeckle.errors.InvalidDataError, "finite numbers; 2106 pixels"),
-        ({"field": np.ones(GRID, int)}, clspeckle.errors.InvalidFormatError, "expected complex64 or real numbers"),
+        ({"field": np.full(GRID, "1")}, clspeckle.errors.InvalidFormatError, "expected complex64 or real numbers"),
         ({"field": np.ones(GRID), "dynamics": "continuous"}, clspeckle.errors.InvalidStateError, "make the phase so"),
         ({"field": np.ones(GRID), "degree_of_polarization": 0.5}, clspeckle.errors.InvalidArgumentError, "needs a ph"),
-        ({"field": 3}, clspeckle.errors.InvalidFormatError, "expected complex64 or real numbers"),
+        ({"field": 3}, clspeckle.errors.InvalidArgumentError, "field has shape"),
     ],
 )  # fmt: skip
 def test_what_is_no_pupil_or_field(
@@ -175,6 +178,69 @@ def test_what_the_messages_advise_works(context: clspeckle.Context, ideal: Image
     )
     phase.set_field(field)
     assert np.array_equal(phase.field(0), field.astype(np.complex64))
+
+
+def test_depolarization_keeps_a_field_or_is_refused(context: clspeckle.Context, ideal: Image, field: Image) -> None:
+    """Before anything changes; with both polarizations the field is there before, with and after the effect."""
+    effects: dict[str, Any] = {"depolarization": {"degree_of_polarization": 0.2}}
+    advice = r"give field, of shape \(2, height, width\), when you make the pipeline, or call phase.refresh\(0\)"
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
+        of_optics(context, field=field, effects=effects)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
+        clspeckle.simulate(ideal, guard_px=6, relative_diameter=DIAMETER, field=field, effects=effects, context=context)
+    camera = of_optics(context, field=field)
+    before = camera.render(ideal)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
+        camera.set_effect("depolarization")
+    assert camera.effects == {}
+    assert np.array_equal(camera.render(ideal), before)
+    # A mask draws a part of it; the rest is the caller's.
+    camera.render(ideal, refresh=np.eye(*SHAPE) > 0)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
+        camera.set_effect("depolarization")
+    camera.phase.refresh(0)
+    camera.set_effect("depolarization")
+    camera = of_optics(context, field=field)
+    camera.render(ideal, refresh="all")
+    camera.set_effect("depolarization")
+
+    both = np.stack([field, 1j * field[::-1]])
+    each = [of_optics(context, field=z).render(ideal) for z in both]
+    camera = of_optics(context, field=both, effects=effects)
+    assert error_of(camera.render(ideal), 0.6 * each[0] + 0.4 * each[1]) < 2e-6
+    camera.clear_effect()
+    assert np.array_equal(camera.render(ideal), each[0])
+    # Where the effect brought the second polarization, the first is left without it.
+    camera = of_optics(context, polarization_count=1, effects=effects)
+    camera.phase.set_field(both)
+    assert error_of(camera.render(ideal), 0.6 * each[0] + 0.4 * each[1]) < 2e-6
+    camera.clear_effect()
+    assert np.array_equal(camera.render(ideal), each[0])
+
+
+def test_a_smooth_field_is_divided_by_the_oversampling(context: clspeckle.Context) -> None:
+    """It passes the pupil whole. Whole numbers are a field, too."""
+    for oversampling in (1, 2, 3):
+        camera = of_optics(context, oversampling=oversampling, polarization_count=1)
+        ones = np.ones(camera.phase.grid_shape, int)
+        camera.phase.set_field(ones)
+        flat = np.ones(SHAPE, np.float32)
+        assert np.allclose(camera.render(flat), oversampling**2, rtol=1e-5)
+        camera.phase.set_field(ones / oversampling)
+        assert np.allclose(camera.render(flat), 1, rtol=1e-5)
+
+
+def test_simulate_says_what_it_does_not_take(context: clspeckle.Context, ideal: Image) -> None:
+    simulate: Any = clspeckle.simulate
+    with pytest.raises(TypeError, match=r"effects must map ids to parameters.*got int 5"):
+        simulate(ideal, effects=5, context=context)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="polarization_count is 0"):
+        simulate(ideal, polarization_count=0, context=context)
+    materials = [clspeckle.Material()]
+    with pytest.raises(TypeError, match=r"without materials; use clspeckle.Pipeline.from_parameters\(shape, materials"):
+        simulate(ideal, materials=materials, context=context)
+    camera = clspeckle.Pipeline.from_parameters(SHAPE, materials=materials, context=context)
+    assert camera.render(ideal, material=np.zeros(SHAPE, np.uint8)).any()
 
 
 def own(

@@ -128,10 +128,11 @@ class Aperture(Stage):
         context: Context | None = None,
     ) -> None:
         workspace_from_host = bool(_check.flag(workspace_from_host, "workspace_from_host"))  # None is no choice
+        name = "pupil_image"
         if hasattr(pupil, "__len__") and not isinstance(pupil, (str, bytes)):
             if pupil_image is not None:
                 raise TypeError("pupil is an array, and pupil_image was given, too; give one of them")
-            pupil, pupil_image = None, _check.array(pupil, "pupil")
+            pupil, pupil_image, name = None, _check.array(pupil, "pupil"), "pupil"
         desc = self._arguments.describe_image(shape, locals())
         if relative_diameter is not None and desc.relative_diameter == 0:
             # For C a 0 means "not given"; here None does.
@@ -140,7 +141,7 @@ class Aperture(Stage):
         if zernike_waves is not None:
             desc.zernike_waves = _zernike(zernike_waves)
         if pupil_image is not None:
-            image, imaginary = _amplitudes(pupil_image)
+            image, imaginary = _amplitudes(pupil_image, name)
             desc.pupil_image = _check.pointer(image)
             desc.pupil_height, desc.pupil_width = image.shape
             if imaginary is not None:
@@ -276,19 +277,19 @@ def _shape_of_pupil(pupil: Any, pupil_image: Any, blade_count: Any) -> int:
     return shape
 
 
-def _amplitudes(value: Any) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
+def _amplitudes(value: Any, name: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
     """The real and, if there are any, imaginary parts of a pupil's transmissions."""
-    given = _check.array(value, "pupil_image")
+    given = _check.array(value, name)
     if given.dtype.kind != "c":
-        image = _check.light_plane(given, "pupil_image", mean=False)
-        _check.within(image, "pupil_image", 0.0, 1.0)
+        image = _check.light_plane(given, name, mean=False)
+        _check.within(image, name, 0.0, 1.0)
         return image, None
-    _check.check_shape(given, "pupil_image", (None, None))
+    _check.check_shape(given, name, (None, None))
     magnitude = np.abs(given)
     bad = ~(magnitude <= 1 + 1e-6)
     if bad.any():
         raise errors.InvalidDataError(
-            f"pupil_image must hold complex numbers of magnitudes from 0 to 1; {_check.places(bad)}, value "
+            f"{name} must hold complex numbers of magnitudes from 0 to 1; {_check.places(bad)}, value "
             f"{given[np.unravel_index(int(np.argmax(bad)), bad.shape)]}, out of that"
         )
     parts = (np.clip(np.ascontiguousarray(part, np.float32), -1, 1) for part in (given.real, given.imag))

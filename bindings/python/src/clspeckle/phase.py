@@ -119,6 +119,7 @@ class Phase(Stage):
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.polarization_count: int = desc.polarization_count
+        self._has_own_field = False
         self._holds_any_field = (desc.field, desc.dynamics, desc.translate) == (
             _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
             _library.CLSP_DYNAMICS_REPLACE,
@@ -157,7 +158,9 @@ class Phase(Stage):
     def _refresh(self, command: Command, frame_index: int, mask: Any) -> Event:
         frame_index = _check.integer(frame_index, "frame_index", 64)
         image = None if mask is None else command.mask(mask, "mask", self.shape)
-        return self._enqueue(command, "Refresh", frame_index, image)
+        event = self._enqueue(command, "Refresh", frame_index, image)
+        self._has_own_field = self._has_own_field and mask is not None
+        return event
 
     def advance(
         self,
@@ -294,7 +297,9 @@ class Phase(Stage):
 
         Args:
             field: (height, width) of :attr:`grid_shape`, complex or real, of a phase with one polarization; else
-                (polarization_count, height, width). Light of a mean of 1 has a mean square of 1.
+                (polarization_count, height, width). Light of a mean of 1 has a mean square of 1 where
+                samples are independent, as in speckle. A smooth field passes the pupil whole and becomes brighter by
+                the square of the oversampling (normalization "transmission"): divide it by the oversampling.
 
         Needs a circular Gaussian field, which holds any numbers, with dynamics "replace" and without `translate`.
         Frames without a refresh image it.
@@ -305,7 +310,7 @@ class Phase(Stage):
                 "translate=False; make the phase so"
             )
         given = _check.array(field, "field")
-        if given.dtype.kind not in "fc":
+        if given.dtype.kind not in "iufc":
             raise errors.InvalidFormatError(f"field has dtype {given.dtype}, expected complex64 or real numbers")
         whole = (self.polarization_count, *self.grid_shape)
         if given.shape not in ({whole, whole[1:]} if self.polarization_count == 1 else {whole}):
@@ -318,7 +323,12 @@ class Phase(Stage):
         bad = ~np.isfinite(z)
         if bad.any():
             raise errors.InvalidDataError(f"field must hold finite numbers; {_check.places(bad)} are not")
-        self.restore(z.reshape(-1).view(np.uint8), queue=queue)
+        self._take_own(z.reshape(-1).view(np.uint8), queue)
+
+    def _take_own(self, state: npt.NDArray[np.uint8], queue: QueueLike | None = None) -> None:
+        with exclusive(self):
+            self.restore(state, queue=queue)
+            self._has_own_field = True
 
     def enqueue_save(
         self,
@@ -340,7 +350,10 @@ class Phase(Stage):
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
         """Copies a state back from a buffer."""
-        return self._copy("Restore", memory, offset_bytes, self._asynchronous(queue, wait_for))
+        with exclusive(self):
+            event = self._copy("Restore", memory, offset_bytes, self._asynchronous(queue, wait_for))
+            self._has_own_field = False
+            return event
 
     def _copy(self, what: str, memory: Buffer | SupportsIntPtr | int, offset_bytes: int, command: Command) -> Event:
         with exclusive(self):

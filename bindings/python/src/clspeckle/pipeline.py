@@ -80,7 +80,9 @@ class PipelineParameters(TypedDict, total=False):
     ``seed`` goes to phase, sensor and the pipeline itself, ``oversampling`` and ``guard_px`` to phase and aperture.
     ``field`` may be a field of the caller's own, as for :meth:`Phase.set_field`: frames have it until a refresh.
     There is a lens if one of its parameters is given. ``effects`` maps ids of :func:`effects` to their parameters by
-    name, for example ``{"defocus": {"waves": 0.8}, "glare": {}}``; those that are left out take the middle.
+    name, for example ``{"defocus": {"waves": 0.8}, "glare": {}}``; those that are left out take the middle. Effects of
+    your own are set by :meth:`Pipeline.set_effect` alone. With "depolarization" a field of your own needs two
+    polarizations: (2, height, width).
     """
 
     seed: int | None
@@ -560,7 +562,7 @@ class Pipeline(Stage):
             else:
                 gain, converter = sensor._exposure_gain_dn, sensor._converter
                 if self._effects:
-                    traits = self._traits(converter, ambient * gain)
+                    traits = self._traits(self._effects, converter, ambient * gain)
                     ambient = traits.ambient_dn / gain if gain > 0 else ambient
                     converter = converter.with_traits(traits)
                 made = _doubts.Exposure(converter, gain, sensor._dn_per_photon, passed, ambient)
@@ -685,7 +687,7 @@ class Pipeline(Stage):
             except BaseException:
                 self._next_frame_index = before
                 raise
-            self._last = event
+            self._enqueued(event, *structs)
             return event
 
     def _frame(self, command: Command, given: Frame, output: DeviceImageLike) -> _library.ClspFrame:
@@ -749,9 +751,14 @@ class Pipeline(Stage):
     def _enqueue_frame(self, command: Command, given: Frame, output: DeviceImageLike) -> Event:
         frame = self._frame(command, given, output)
         event = command.enqueue("clspPipelineEnqueueFrame", self._get(), frame, after=self._last)
-        self._last = event
+        self._enqueued(event, frame)
         self._next_frame_index = min(frame.frame_index + 1, 2**48 - 1)
         return event
+
+    def _enqueued(self, event: Event, *frames: Any) -> None:
+        self._last = event
+        if any(frame.refresh == _library.CLSP_REFRESH_ALL for frame in frames):
+            self.phase._has_own_field = False
 
     def set_effect(self, effect: str | Effect | Hypothesis, /, **parameters: float | None) -> None:
         """Switches an effect on, or changes its parameters; later frames have it. Blocks, and builds programs.
@@ -762,11 +769,13 @@ class Pipeline(Stage):
             **parameters: its parameters by name; those that are left out take the middle between weak and strong.
 
         Sensors draw their fixed patterns again, and a phase whose state changes its layout draws all phases in the next
-        frame. After an error everything is as it was. The stages are changed, also for other pipelines that share them.
+        frame; a field of the caller's own stays. After an error everything is as it was. The stages are changed, also
+        for other pipelines that share them.
 
         Raises:
             InvalidArgumentError: no such effect, a value out of range, or the pipeline has not the stage that the
-                effect belongs to (dots, a sensor).
+                effect belongs to (dots, a sensor); or the effect needs two polarizations, and a field of the caller's
+                own has one.
             TypeError: the effect has no parameter of that name.
             BuildError: the source of an effect of your own does not build; the message has the compiler's log.
         """
@@ -778,9 +787,8 @@ class Pipeline(Stage):
         numbers = (ctypes.c_double * len(values))(*values.values())
         with exclusive(self, also=self._stages):
             self._settle()
-            _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
-            self._effects[found.id] = values
-            self._after_effects()
+            with self._changing({**self._effects, found.id: values}):
+                _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
 
     def _set_own(self, effect: Hypothesis, parameters: Mapping[str, Any]) -> None:
         if not isinstance(effect.apply, str):
@@ -795,7 +803,7 @@ class Pipeline(Stage):
             _library.call("clspPipelineSetHypothesis", self._get(), ctypes.byref(struct), numbers, len(values))
             self._effects[effect.id] = values
             self._own.add(effect.id)
-            self._after_effects()
+            self._judged_by = self._looked_up = None
 
     def set_profile(self, profile: Profile, *, maps: bool = True) -> None:
         """Switches a profile's effects on, beside those that are on. Blocks, and builds programs.
@@ -810,7 +818,7 @@ class Pipeline(Stage):
 
         Raises:
             InvalidArgumentError: the pipeline is another camera: size, bits, pixel pitch or wavelength differ, or it
-                has no sensor, or a dark frame or gain map of its own.
+                has no sensor, or a dark frame or gain map of its own; or a field as for :meth:`set_effect`.
             InputOutputError, InvalidDataError: a map cannot be read or is not as it was written.
         """
         used = _check.flag(maps, "maps")
@@ -818,19 +826,22 @@ class Pipeline(Stage):
             raise TypeError(f"profile must be a clspeckle.Profile, got {_check.kind(profile)}")
         with exclusive(self, profile, also=self._stages):
             self._settle()
-            _library.call("clspPipelineSetProfileMaps", self._get(), profile._get(), 3 * used)
             held = {name for one in profile.maps.values() for name in one.holds if used}
-            for name in held:
-                self._effects.pop(name, None)
+            effects = {name: values for name, values in self._effects.items() if name not in held}
             for effect in profile.effects:
                 if effect.effect in held:
                     continue
                 if self.dots is not None or "stages/dots.cl" not in find_effect(effect.effect).kernel:
-                    self._effects[effect.effect] = dict(effect.parameters)
-            self._after_effects()
+                    effects[effect.effect] = dict(effect.parameters)
+            with self._changing(effects):
+                _library.call("clspPipelineSetProfileMaps", self._get(), profile._get(), 3 * used)
 
     def clear_effect(self, effect: str | Effect | Hypothesis | None = None) -> None:
-        """Switches an effect off, or all of them (None); one that is off stays off. Blocks."""
+        """Switches an effect off, or all of them (None); one that is off stays off. Blocks.
+
+        Args:
+            effect: as for :meth:`set_effect`; one of your own is named by its :class:`Hypothesis`, or by its id.
+        """
         found = effect.id if isinstance(effect, Hypothesis) else effect
         if isinstance(effect, Hypothesis) and effect.id not in self._own:
             return
@@ -838,34 +849,56 @@ class Pipeline(Stage):
             found = find_effect(found).id
         with exclusive(self, also=self._stages):
             self._settle()
-            _library.call("clspPipelineClearEffect", self._get(), None if found is None else found.encode())
-            if found is None:
-                self._effects.clear()
-                self._own.clear()
-            else:
-                self._effects.pop(found, None)
-                self._own.discard(found)
-            self._after_effects()
+            left = {} if found is None else {name: v for name, v in self._effects.items() if name != found}
+            with self._changing(left):
+                _library.call("clspPipelineClearEffect", self._get(), None if found is None else found.encode())
+            self._own &= left.keys()
 
-    def _after_effects(self) -> None:
-        """What the stages' objects remember of their descriptions, and how frames are judged."""
+    @contextlib.contextmanager
+    def _changing(self, effects: dict[str, dict[str, float]]) -> Iterator[None]:
+        """Around the call that makes these the effects: a field of the caller's own is kept, or the change is refused.
+        Then what the stages' objects remember of their descriptions, and how frames are judged, is changed, too."""
+        phase, state = self.phase, None
+        if phase._has_own_field:
+            before, count = phase.polarization_count, self._traits(effects).polarization_count
+            if count > before:
+                raise errors.InvalidArgumentError(
+                    f"the effects need {count} polarizations, and the field of your own has {before}; give field, of "
+                    f"shape ({count}, height, width), when you make the pipeline, or call phase.refresh(0) for a "
+                    "random one"
+                )
+            if count < before:
+                state = phase.save()[: phase.state_size // before * count]
+        yield
+        self._effects = effects
         self._judged_by = self._looked_up = None
-        self.phase.polarization_count = self._traits().polarization_count
+        phase.polarization_count = self._traits(effects).polarization_count
+        if state is not None:
+            phase._take_own(state)
 
-    def _traits(self, converter: _doubts.Converter | None = None, ambient_dn: float = 0.0) -> Any:
-        """What the effects make of the camera, as far as it is asked for."""
+    def _traits(
+        self,
+        effects: Mapping[str, Mapping[str, float]],
+        converter: _doubts.Converter | None = None,
+        ambient_dn: float = 0.0,
+    ) -> Any:
+        """What effects make of the camera, as far as it is asked for."""
         traits = _library.initialized(_library.ClspCameraTraits)
         traits.polarization_count, traits.ambient_dn = self._polarization_count, ambient_dn
         traits.bits = traits.effective_bits = 16 if converter is None else converter.bits
         if converter is not None:
             for name in ("effective_bits", "saturation_dn", "gamma", "cubic_nonlinearity"):
                 setattr(traits, name, getattr(converter, name))
-        catalogued = {effect: list(v.values()) for effect, v in self._effects.items() if effect not in self._own}
+        catalogued = {effect: list(v.values()) for effect, v in effects.items() if effect not in self._own}
         return _changed_by(traits, catalogued)
 
     @property
     def effects(self) -> dict[str, dict[str, float]]:
-        """The effects that are on, by id, with their parameters."""
+        """The effects that are on, by id, with their parameters; those of your own, too.
+
+        :meth:`from_parameters` takes them all but those of your own, which :meth:`set_effect` alone sets: an id does
+        not tell their source.
+        """
         return {effect: dict(values) for effect, values in self._effects.items()}
 
     def _settle(self) -> None:
@@ -1103,7 +1136,7 @@ def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:
 def of_one_frame(parameters: PipelineParameters) -> PipelineParameters:
     """The same with one polarization where the second has no light: it would be drawn in vain. The frame's bits stay
     the same, as each polarization has numbers of its own."""
-    polarized = parameters.get("degree_of_polarization") in (None, 1) and not parameters.get("polarization_count")
+    polarized = parameters.get("degree_of_polarization") in (None, 1) and parameters.get("polarization_count") is None
     effects = parameters.get("effects") or {}
     known: dict[str, list[float]] = {effect.id: [] for effect in catalogue() if effect.id in effects}
     traits = _library.initialized(_library.ClspCameraTraits)
@@ -1171,6 +1204,13 @@ def simulate(
 
     Threads: may be called from any number of threads at once.
     """
+    for name in ("pattern", "dots", "materials"):
+        if parameters.get(name) is not None:
+            raise TypeError(
+                f"simulate() takes ideal images alone, without {name}; use clspeckle.Pipeline.from_parameters(shape, "
+                f"{name}=...) and its render()"
+            )
+    _effects(parameters.get("effects"))
     context = resolve_context(context, ideal)
     shape: tuple[int, ...] = getattr(ideal, "shape", ())
     if not on_device(ideal):
