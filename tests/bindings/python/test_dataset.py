@@ -285,8 +285,6 @@ def test_a_cluster_is_named_by_its_address(recipe_file: Path, tmp_path: Path) ->
         done = on(address, "set")
         assert done.returncode == 0, done.stderr
         assert hashes(tmp_path / "set") == hashes(tmp_path / "expected")
-        assert "leave it out" in on(address, "set", "--workers", 2).stderr
-        assert "set CLSPECKLE_DEVICE where each" in on(address, "set", "--devices", "0:0").stderr
         # The first worker that begins a shard dies, and the cluster gives up.
         run = subprocess.Popen(
             command(recipe_file, tmp_path / "dead", "--count", 4000, "--shard-size", 1000, "--cluster", address),
@@ -311,6 +309,47 @@ def test_a_cluster_is_named_by_its_address(recipe_file: Path, tmp_path: Path) ->
     assert "no scheduler of a cluster answers" in gone.stderr
     assert "start one with `dask scheduler`" in gone.stderr
     assert not (tmp_path / "gone").exists()
+
+
+def test_options_of_devices_and_clusters_are_checked_first(
+    ideal: npt.NDArray[np.float32], recipe_file: Path, tmp_path: Path
+) -> None:
+    """In the options' own words, before anything is connected or made."""
+
+    def refused(*more: str) -> str:
+        done = subprocess.run(
+            command(recipe_file, tmp_path / "set", "--count", 1, *more),
+            capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) in ((1, "", 1), (2, "", 1)), done.stderr
+        assert not (tmp_path / "set").exists()
+        return done.stderr
+
+    for devices in ("", ",", "0:0,,0:0", "0:0,"):
+        told = refused("--devices", devices)
+        assert f'--devices is "{devices}", where a name is missing; give names with a comma between them' in told
+    nobody = "tcp://127.0.0.1:9"
+    assert "--workers is not for a cluster, which has its own; leave it out" in refused(
+        "--cluster", nobody, "--workers", "2"
+    )
+    told = refused("--cluster", nobody, "--devices", "0:0")
+    assert "--devices is not for a cluster" in told
+    assert "leave it out, and set CLSPECKLE_DEVICE where each" in told
+    assert "--cluster is empty; give the address that `dask scheduler` prints" in refused("--cluster", "")
+    for address in ("nowhere", "tcp://nowhere:port", "post://nowhere:1"):
+        assert f"{address}: no scheduler of a cluster answers" in refused("--cluster", address)
+    # The advice: names with a comma between them, also with a space behind it.
+    device = next(d for d in clspeckle.devices() if d.usable).selector
+    done = subprocess.run(
+        command(recipe_file, tmp_path / "set", "--count", 1, "--devices", f"{device}, {device}"),
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    # An executor has workers of its own, too.
+    with concurrent.futures.ThreadPoolExecutor(1) as executor:
+        with pytest.raises(TypeError, match="leave them out, and set CLSPECKLE_DEVICE where each of those workers"):
+            dataset.write(recipe(ideal), tmp_path / "by", count=1, executor=executor, devices=["0:0"])
+        dataset.write(recipe(ideal), tmp_path / "by", count=1, executor=executor)
 
 
 def test_workers_have_devices_in_turn(

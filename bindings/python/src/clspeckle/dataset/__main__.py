@@ -35,6 +35,30 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+def _devices(arguments: argparse.Namespace) -> Sequence[str]:
+    if arguments.devices is None:
+        return ()
+    names = [name.strip() for name in arguments.devices.split(",")]
+    if not all(names):
+        raise TypeError(
+            f'--devices is "{arguments.devices}", where a name is missing; give names with a comma between them, such '
+            "as 0:0,0:1, or leave it out for the best device"
+        )
+    return names
+
+
+def _check_cluster(arguments: argparse.Namespace) -> None:
+    if not arguments.cluster.strip():
+        raise TypeError("--cluster is empty; give the address that `dask scheduler` prints, such as tcp://HOST:8786")
+    if arguments.workers is not None:
+        raise TypeError("--workers is not for a cluster, which has its own; leave it out")
+    if arguments.devices is not None:
+        raise TypeError(
+            "--devices is not for a cluster, whose workers choose theirs; leave it out, and set CLSPECKLE_DEVICE "
+            "where each of them starts"
+        )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """What ``python -m clspeckle.dataset`` does; its exit code, as the program's."""
     arguments = _arguments(argv)
@@ -61,9 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         recipe = Recipe.from_file(arguments.recipe)
         with contextlib.ExitStack() as stack:
             by: dict[str, Any] = {"workers": arguments.workers}
-            if arguments.cluster:
-                if arguments.workers is not None:
-                    raise TypeError("--workers is not for a cluster, which has its own; leave it out")
+            devices = _devices(arguments)
+            if arguments.cluster is not None:
+                _check_cluster(arguments)
                 by = stack.enter_context(cluster(arguments.cluster))
             shards = write(
                 recipe,
@@ -72,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 shard_size=arguments.shard_size,
                 with_ideal=not arguments.no_ideal,
                 format=arguments.format,
-                devices=arguments.devices.split(",") if arguments.devices else (),
+                devices=devices,
                 progress=progress,
                 **by,
             )

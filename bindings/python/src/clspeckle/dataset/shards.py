@@ -126,6 +126,8 @@ def cluster(address: str) -> Iterator[dict[str, Any]]:
         ) from None
     try:
         of_dask: Any = distributed  # has no types of its own
+        if not address.startswith("inproc://"):  # a Client that cannot read its address hangs when it is gone
+            of_dask.comm.get_address_host_port(address)
         client = of_dask.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RuntimeError(
