@@ -1301,7 +1301,7 @@ def hypothesis_by(with_function: bool, source: bytes | None) -> Any:
     parameter.minimum, parameter.maximum, parameter.weak, parameter.strong = -5.0, 5.0, 0.5, 2.0
     hypothesis.id, hypothesis.stage, hypothesis.summary, hypothesis.point = b"own", b"sensor", b"a shift", 2
     hypothesis.parameters, hypothesis.parameter_count = ctypes.pointer(parameter), 1
-    function = dict(_library.ClspHypothesis._fields_)["apply"]
+    function: Any = next(kind for name, kind, *_ in _library.ClspHypothesis._fields_ if name == "apply")
     hypothesis.apply = function(lambda *_: 0) if with_function else function()
     hypothesis.opencl_source = source
     return hypothesis
@@ -1329,7 +1329,7 @@ float hypothesis(hypothesis_frame frame, hypothesis_values values, uint x, uint 
 def newer(byte: int) -> None:
     """A struct with eight bytes behind those that this library knows."""
     size, made = ctypes.sizeof(_library.ClspSensorDesc), ctypes.c_void_p()
-    room = (ctypes.c_char * (size + 8))()
+    room = (ctypes.c_ubyte * (size + 8))()
     desc = _library.ClspSensorDesc.from_buffer(room)
     _library.call("clspSensorDescInit", ctypes.byref(desc), size)
     desc.width, desc.height, desc.struct_size = SHAPE[1], SHAPE[0], size + 8
