@@ -66,14 +66,16 @@ class Temporary : public ::testing::Test {
 
 TEST_F(Temporary, NamesCannotBeForetold) {
     std::set<std::string> seen;
+    int with_process = 0; // a name that is drawn has its number by chance, seldom
     for (int i = 0; i < 64; ++i) {
         const image_io::AtomicFile file(path("frame.npy"));
         const std::string name = fs::path(file.temporary_path()).filename().string();
         EXPECT_TRUE(seen.insert(name).second);
         EXPECT_EQ(name.find("frame"), std::string::npos);
-        EXPECT_EQ(name.find(std::to_string(::getpid())), std::string::npos);
+        with_process += name.find(std::to_string(::getpid())) != std::string::npos;
         EXPECT_EQ(name.size(), std::string(".clspeckle-0123456789abcdef.part.npy").size());
     }
+    EXPECT_LT(with_process, 16);
     EXPECT_TRUE(names().empty());
 }
 
