@@ -114,12 +114,12 @@ void check_measure(const DotLayoutParameters &p) {
                                 p.min_distance, p.beam_diameter_m, 1.22 * p.wavelength_m / p.beam_diameter_m));
 }
 
-using Dots = std::vector<Direction>;
+using Directions = std::vector<Direction>;
 
 // Dots one after the other at random places, each kept if it is far enough from those before; random sequential
 // adsorption. Fewer than wanted: no more were found. `tell` hears of it now and then.
-Dots draw(const DotLayoutParameters &p, const Region &region, double distance, const std::function<void()> &tell) {
-    Dots dots;
+Directions draw(const DotLayoutParameters &p, const Region &region, double distance, const std::function<void()> &tell) {
+    Directions dots;
     DirectionGrid grid(region.u, region.v, distance);
     const auto put = [&](Direction d) {
         const bool is_centre = d.u == 0.0 && d.v == 0.0;
@@ -162,7 +162,7 @@ Dots draw(const DotLayoutParameters &p, const Region &region, double distance, c
     return dots;
 }
 
-Dots place(const DotLayoutParameters &p, const Region &region, double &distance);
+Directions place(const DotLayoutParameters &p, const Region &region, double &distance);
 
 // Nearly the largest distance at which all dots find a place, in four digits.
 double possible_distance(DotLayoutParameters p, const Region &region) {
@@ -177,10 +177,10 @@ double possible_distance(DotLayoutParameters p, const Region &region) {
 }
 
 // Dots at the distance asked for, or nearly at the largest that gives so many.
-Dots place(const DotLayoutParameters &p, const Region &region, double &distance) {
+Directions place(const DotLayoutParameters &p, const Region &region, double &distance) {
     if (p.min_distance > 0.0) {
         distance = p.min_distance;
-        Dots dots = draw(p, region, distance, [&] { report_progress(p.progress, "placing the dots", 0.0); });
+        Directions dots = draw(p, region, distance, [&] { report_progress(p.progress, "placing the dots", 0.0); });
         if (dots.size() < p.count)
             throw Error(
                 Status::kInvalidArgument,
@@ -207,7 +207,7 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
             fmt::format("{} dots in this field of view are {:.4g} apart, below the diffraction limit {:.4g} of a "
                         "beam of {} m: widen the beam or the field of view",
                         p.count, distance, least, p.beam_diameter_m));
-    Dots dots = draw(p, region, distance, tell);
+    Directions dots = draw(p, region, distance, tell);
     if (dots.size() < p.count) // where a smaller distance happens to hold fewer
         dots = draw(p, region, distance = low, tell);
     if (dots.size() < p.count)
@@ -218,7 +218,7 @@ Dots place(const DotLayoutParameters &p, const Region &region, double &distance)
 
 // Another place for a dot, near its own; the twin of a symmetric layout goes along. False: none was found.
 bool move(const DotLayoutParameters &p, const Region &region, double distance, std::size_t i, Source &source,
-          Dots &dots) {
+          Directions &dots) {
     constexpr int kTries = 64;
     const auto twin = [&]() -> std::optional<std::size_t> {
         for (std::size_t j = 0; j < dots.size(); ++j)
@@ -259,7 +259,7 @@ DotLayout make_dot_layout(const DotLayoutParameters &p) {
     const Region region = checked_region(p);
     check_measure(p);
     DotLayout layout;
-    Dots dots = place(p, region, layout.min_distance);
+    Directions dots = place(p, region, layout.min_distance);
     layout.mean_spacing = std::sqrt(region.area() / double(p.count));
     layout.row_half_height = p.row_half_height > 0.0 ? p.row_half_height : 0.5 * layout.min_distance;
     layout.neighborhood_radius = p.neighborhood_radius > 0.0 ? p.neighborhood_radius : 3.0 * layout.mean_spacing;

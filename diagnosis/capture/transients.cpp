@@ -6,7 +6,7 @@
 namespace clsp {
 namespace {
 
-constexpr std::uint32_t kLeastTransientFrames = 4, kFewFrames = 8;
+constexpr std::uint32_t kLeastTransientFrames = 4, kFewTransientFrames = 8;
 constexpr std::size_t kLeastJudged = 100;
 constexpr double kJumpsApart = 8.0,
                  kFarApart = 24.0;          // deviations; in few frames a pixel that jumps at random may do so once
@@ -107,7 +107,7 @@ std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<
     const double begin = std::pow(quantile_of(deviations, 1.0 - kTail), 2.0),
                  middle = std::pow(quantile_of(deviations, 1.0 - 0.5 * kTail), 2.0);
     const double limit = std::max(
-        frames < kFewFrames ? kFarApart : kJumpsApart,
+        frames < kFewTransientFrames ? kFarApart : kJumpsApart,
         std::sqrt(begin + (middle - begin) / std::log(2.0) * std::log(kTail * double(all) / kChanceOfTransient)));
 
     std::vector<Transient> found;
