@@ -18,6 +18,7 @@
 #include "stages/sensor.hpp"
 
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -180,11 +181,11 @@ struct GatherPixels {
 };
 
 struct ApplyOwnEffect {
-    OwnEffectStep step;
+    std::shared_ptr<const OwnEffectStep> step; // shared, as a copy of the function would take memory in each frame
     cl::Buffer before, after;
     OwnEffectFrame frame;
     void check() {}
-    void enqueue(CommandChain &chain) { step(chain, before, after, frame); }
+    void enqueue(CommandChain &chain) { (*step)(chain, before, after, frame); }
 };
 
 // Back to an image; top: see the kernel.

@@ -390,15 +390,16 @@ void Pipeline::set_own_effect(const std::string &id, OwnEffectPoint point, OwnEf
         throw Error(Status::kInvalidArgument,
                     fmt::format("the effect \"{}\" acts on codes, but this pipeline has no sensor; make it with one", id));
     const std::vector<OwnEffect> before = own_effects_;
+    auto shared = std::make_shared<const OwnEffectStep>(std::move(step));
     own_effects_.erase(std::remove_if(own_effects_.begin(), own_effects_.end(),
                                       [&](const OwnEffect &own) { return own.id == id && own.point != point; }),
                        own_effects_.end());
     const auto found =
         std::find_if(own_effects_.begin(), own_effects_.end(), [&](const OwnEffect &own) { return own.id == id; });
     if (found != own_effects_.end())
-        found->step = std::move(step);
+        found->step = std::move(shared);
     else
-        own_effects_.push_back({id, point, std::move(step)});
+        own_effects_.push_back({id, point, std::move(shared)});
     try {
         allocate();
     } catch (...) {

@@ -179,7 +179,7 @@ class Pipeline {
     struct OwnEffect {
         std::string id;
         OwnEffectPoint point;
-        OwnEffectStep step;
+        std::shared_ptr<const OwnEffectStep> step;
     };
     std::vector<OwnEffect> own_effects_;
     DeviceBuffer own_pixels_[2];               // what they change in turn; empty without them

@@ -143,8 +143,7 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
             ? fmt::format("flat levels span a factor of {:.1f} and go as exposure_ms: their means show a bent response, "
                           "their noise the photons'",
                           c.flat_ratio)
-        :
-        c.laser_ratio >= kSeveralLevels
+        : c.laser_ratio >= kSeveralLevels
             ? fmt::format("levels of one moving laser scene span a factor of {:.1f}: a bent response and a full well "
                           "change the law of speckle by the level, other causes do not; the variance follows the light",
                           c.laser_ratio)

@@ -214,6 +214,15 @@ def test_what_a_set_can_tell_apart(codes: Draw) -> None:
     assert not topics(levels)["shot noise, gamma and full well"], "each flat's light is calibrated by itself"
     reason = {a["topic"]: a["reason"] for a in levels.summary()["abilities"]}["shot noise, gamma and full well"]
     assert "factor of 4.0" in reason and "shows shot noise" in reason and "no bent response" in reason
+    for exposures in (True, False):
+        flats = {
+            f"flat_{ms}": clspeckle.CaptureSequence(
+                codes(2, 64 + 50 * ms), "flat", exposure_ms=ms if exposures else None
+            )
+            for ms in range(1, 8)
+        }
+        series = clspeckle.Capture.from_arrays({"dark": codes(2, 64), **flats})
+        assert topics(series)["shot noise, gamma and full well"] == exposures, "light goes as the time"
     resting = clspeckle.Capture.from_arrays({"board_static_1": codes(2, 164), "board_static_2": codes(2, 464)})
     assert not topics(resting)["shot noise, gamma and full well"], "speckle at rest is one draw"
     moving = clspeckle.Capture.from_arrays({"board_moving_1": codes(2, 164), "board_moving_2": codes(2, 464)})

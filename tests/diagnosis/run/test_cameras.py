@@ -7,27 +7,18 @@ fitted. Nulls are alarms in 2 % by the rule; seeds are fixed.
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from diagnosed import diagnosed
 from gap_check.camera import Camera, draw_camera
 from gap_check.generator import write_capture
 
 ROOT = Path(__file__).resolve().parents[3]
 PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
-
-
-def diagnosed(folder: Path) -> dict[str, Any]:
-    command = [PROGRAM, "diagnose", folder, "--json", folder / "report.json", "--quiet"]
-    done = subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    report: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    return report
 
 
 def coarse_camera(seed: int, read_noise_dn: float, black_dn: float) -> Camera:

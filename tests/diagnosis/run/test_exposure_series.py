@@ -5,9 +5,6 @@ Codes are black + full (x / full)^gamma + read noise, x Poisson of what the time
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +12,8 @@ import numpy as np
 import pytest
 
 import clspeckle
+from diagnosed import diagnosed
 
-ROOT = Path(__file__).resolve().parents[3]
-PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
 BLACK_DN, READ_NOISE_DN, GAIN_DN, BITS = 60.0, 3.0, 0.3, 12
 TIMES_MS = (1.0, 2.0, 3.5, 5.0, 6.5, 8.0)
 DN_PER_MS = 440.0
@@ -40,14 +36,6 @@ def recorded(folder: Path, gamma: float, lamp: tuple[float, ...]) -> Path:
     camera = {"bits": BITS, "black_level_dn": BLACK_DN, "read_noise_dn": READ_NOISE_DN}
     clspeckle.Capture.from_arrays(sequences, camera=camera).write(folder)
     return folder
-
-
-def diagnosed(folder: Path) -> dict[str, Any]:
-    command = [PROGRAM, "diagnose", folder, "--json", folder / "report.json", "--quiet"]
-    done = subprocess.run([str(word) for word in command], check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    report: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    return report
 
 
 def parameter(report: dict[str, Any], effect: str, name: str) -> float:

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from diagnosed import diagnosed
 from gap_check.camera import SEQUENCES, draw_camera
 from gap_check.generator import write_capture
 from gap_check.plan import PLANS, SetPlan, camera_of, write_drawn
-
-ROOT = Path(__file__).resolve().parents[3]
-PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
-
-
-def diagnose(capture: Path) -> dict:
-    report = capture / "report.json"
-    command = [str(PROGRAM), "diagnose", str(capture), "--json", str(report), "--quiet"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return json.loads(report.read_text())["cause"]
 
 
 @pytest.mark.nightly
@@ -33,7 +21,7 @@ def test_what_bends_is_screened_along_lines(tmp_path: Path) -> None:
     """
     waves = 0.7686956926046582
     write_capture(tmp_path, draw_camera(629797011), {"defocus": {"waves": waves}}, 40, 749373475)
-    cause = diagnose(tmp_path)
+    cause = diagnosed(tmp_path)["cause"]
     assert (cause["verdict"], cause["effects"]) == ("named", ["defocus"])
     low, high = cause["ranking"][0]["intervals"]["waves"]
     assert 0.95 * waves < low < high < 1.05 * waves
@@ -43,7 +31,7 @@ def test_a_confusable_effect_is_swapped(tmp_path: Path) -> None:
     """Crosstalk was taken for the blur by whole pixels while a bent response was missing, and left no residual."""
     effects = {"pixel_integration": {"fill_factor": 1.0}, "gamma": {"gamma": 0.8766893614208805}}
     write_capture(tmp_path, draw_camera(2096578692), effects, 40, 1302249998)
-    cause = diagnose(tmp_path)
+    cause = diagnosed(tmp_path)["cause"]
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
 
 
@@ -58,7 +46,7 @@ def test_of_two_swaps_the_better_is_made(tmp_path: Path) -> None:
         "glare": {"fraction": 0.08507626492306636, "scale_px": 6.0},
     }
     write_capture(tmp_path, draw_camera(1407606596), effects, 40, 248988073)
-    cause = diagnose(tmp_path)
+    cause = diagnosed(tmp_path)["cause"]
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
 
 
@@ -89,7 +77,7 @@ def test_a_little_that_lamp_and_beam_share_is_no_lens(tmp_path: Path) -> None:
     names = ("row_fpn", "row_noise", "dsnu", "shot_noise", "prnu", "row_gain", "pixel_dull")
     effects = {name: CAMERA.effects[name] for name in names}
     write_capture(tmp_path, camera_of(WHOLE, CAMERA), effects, 12, 77, SEQUENCES[:3])
-    cause = diagnose(tmp_path)
+    cause = diagnosed(tmp_path)["cause"]
     assert (cause["verdict"], sorted(cause["effects"])) == ("named", sorted(effects))
 
 
@@ -100,5 +88,5 @@ def test_a_flat_of_many_patterns_is_explained(tmp_path: Path) -> None:
     By those, PRNU gained -150 where it explains 4,000, and five effects that show in the flat had no name.
     """
     write_drawn(tmp_path, WHOLE, CAMERA)
-    cause = diagnose(tmp_path)
+    cause = diagnosed(tmp_path)["cause"]
     assert sorted(cause["effects"]) == sorted(CAMERA.effects)

@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from diagnosed import diagnosed
 from gap_check.camera import draw_camera
 from gap_check.generator import write_capture
-
-ROOT = Path(__file__).resolve().parents[3]
-PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeckle"))
-
-
-def diagnosed(folder: Path) -> dict[str, Any]:
-    command = [str(PROGRAM), "diagnose", str(folder), "--json", str(folder / "report.json"), "--quiet"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    report: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    return report
 
 
 @pytest.mark.parametrize("effect", ["shot_noise", "prnu", "dsnu"])
