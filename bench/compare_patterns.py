@@ -1,9 +1,10 @@
-"""Frames with the pattern of a diffractive element beside frames with ideal dots (thesis 3.3): the same texture size, the same lookup.
+"""Frames with the pattern of a diffractive element beside frames with ideal dots (thesis 3.3): the same texture size,
+the same lookup.
 
     PYTHONPATH=bindings/python/src python bench/compare_patterns.py
 
-Frames of both kinds are rendered in turn, so that whatever else the machine does meets both alike. Prints medians, the ratio of the
-means and its 95 % interval by a bootstrap over blocks of pairs.
+Frames of both kinds are rendered in turn, so that whatever else the machine does meets both alike. Prints medians, the
+ratio of the means and its 95 % interval by a bootstrap over blocks of pairs.
 """
 
 from __future__ import annotations
@@ -59,9 +60,11 @@ def main() -> None:
     rng = np.random.default_rng(0)
     draws = rng.integers(0, element.size, (4000, element.size))
     low, high = np.quantile(element[draws].mean(axis=1) / ideal[draws].mean(axis=1), (0.025, 0.975))
-    print(f"{shape[0]} x {shape[1]} pixels, {element.size} pairs: medians {1e3 * np.median(element):.2f} ms with the element, "
-          f"{1e3 * np.median(ideal):.2f} ms with ideal dots; ratio of the means {element.mean() / ideal.mean():.3f} "
-          f"(95 % interval {low:.3f} to {high:.3f})")  # fmt: skip
+    print(
+        f"{shape[0]} x {shape[1]} pixels, {element.size} pairs: medians {1e3 * np.median(element):.2f} ms with the "
+        f"element, {1e3 * np.median(ideal):.2f} ms with ideal dots; ratio of the means "
+        f"{element.mean() / ideal.mean():.3f} (95 % interval {low:.3f} to {high:.3f})"
+    )
 
 
 if __name__ == "__main__":

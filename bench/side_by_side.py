@@ -32,8 +32,8 @@ from tqdm import tqdm
 SIZES = ((512, 512), (1024, 1024), (1280, 720), (1920, 1080), (2048, 2048), (4096, 4096))
 REPETITIONS = 3  # of each case in a round
 DIAMETERS = (25, 50, 100)  # percent of what the sampling resolves
-# Bytes that a frame of the device's own engine must move for each pixel: phase and ideal image are read, the intensity is
-# written (4 each). Of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
+# Bytes that a frame of the device's own engine must move for each pixel: phase and ideal image are read, the intensity
+# is written (4 each). Of the complex lines between the passes a part D is kept, written twice and read twice (8 each).
 FRAME_BYTES = (12.0, 32.0)
 ENGINES = {
     "intensity/own": "own",
@@ -145,7 +145,8 @@ def jitter(frames: int) -> dict[str, object]:
 
 
 def cost_law(fastest: dict[Key, float]) -> tuple[float, float, float]:
-    """Nanoseconds per pixel of the device's own engine, a + b D, by relative least squares; the largest relative error."""
+    """Nanoseconds per pixel of the device's own engine, a + b D, by relative least squares; the largest relative
+    error."""
     cases = [(k, t) for k, t in fastest.items() if k[0] == "own"]
     time_per_pixel = np.array([1e6 * t / (k[1] * k[2]) for k, t in cases])
     design = np.array([[1.0, 0.01 * k[3]] for k, _ in cases]) / time_per_pixel[:, None]
@@ -205,14 +206,16 @@ def plot(fastest: dict[Key, float], law: tuple[float, float, float], path: Path)
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2))
     for what in ("NumPy", "SciPy", "clFFT", "VkFFT, transforms", "FFTW", "own"):
         points = sorted((k[1] * k[2], t) for k, t in fastest.items() if k[0] == what and k[3] == 50)
         if points:
             left.loglog(*zip(*points, strict=True), marker="o", label=what)
-    left.set(xlabel="pixels", ylabel="frame, ms", title="D = 0.5, p = 1")
-    left.legend()
+    left.set(xlabel="pixels", ylabel="frame, ms", title="D = 0.5, p = 1", ylim=(0.02, None))
+    left.xaxis.set_minor_formatter(NullFormatter())
+    left.legend(loc="lower right", ncols=2)
     sizes = sorted({k[1:3] for k in fastest if k[0] == "own"}, key=lambda s: s[0] * s[1])
     for width, height in sizes:
         points = sorted(

@@ -166,8 +166,9 @@ Hypothesis checked_hypothesis(const ClspHypothesis *user, const std::string &whe
         return result;
     }
     if (!h.apply)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("apply {} is NULL; give the function that changes the pixels, or opencl_source", named));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("apply {} is NULL; give the function that changes the pixels, or opencl_source", named));
     Hypothesis description = result; // what `apply` needs of it
     result.apply = [function = h.apply, data = h.user_data, description](const HypothesisFrame &frame) {
         call_hypothesis(function, data, description, frame);
@@ -255,25 +256,28 @@ CLSP_API ClspStatus clspPipelineSetHypothesis(ClspPipeline pipeline, const ClspH
         const auto p = object(pipeline);
         const Hypothesis h = checked_hypothesis(hypothesis, "hypothesis");
         if (h.opencl_source.empty())
-            throw Error(Status::kUnsupported,
-                        fmt::format("the hypothesis \"{}\" has a function of the host, for which a pipeline's frames do "
-                                    "not wait; give opencl_source",
-                                    h.id));
+            throw Error(
+                Status::kUnsupported,
+                fmt::format("the hypothesis \"{}\" has a function of the host, for which a pipeline's frames do "
+                            "not wait; give opencl_source",
+                            h.id));
         check_hypotheses({h});
         const std::vector<double> numbers = hypothesis_values(h, values, count);
         const auto source = std::make_shared<OpenclHypothesis>(p->context(), h);
-        p->set_own_effect(
-            h.id, static_cast<OwnEffectPoint>(h.point),
-            [source, numbers](CommandChain &chain, const cl::Buffer &before, const cl::Buffer &after,
-                              const OwnEffectFrame &frame) {
-                const std::uint32_t scene = frame.dark ? CLSP_SCENE_DARK : frame.dots ? CLSP_SCENE_DOTS : CLSP_SCENE_FLAT;
-                // The upper half of the frame's number stands where a capture has that of its sequence.
-                source->enqueue(chain, before, after,
-                                {frame.width, frame.height, frame.bits, static_cast<std::uint32_t>(frame.frame_index >> 32),
-                                 scene, false, static_cast<std::uint32_t>(frame.frame_index), frame.seed, frame.f_number,
-                                 frame.pixel_pitch_m, frame.wavelength_m},
-                                numbers.data());
-            });
+        p->set_own_effect(h.id, static_cast<OwnEffectPoint>(h.point),
+                          [source, numbers](CommandChain &chain, const cl::Buffer &before, const cl::Buffer &after,
+                                            const OwnEffectFrame &frame) {
+                              const std::uint32_t scene = frame.dark   ? CLSP_SCENE_DARK
+                                                          : frame.dots ? CLSP_SCENE_DOTS
+                                                                       : CLSP_SCENE_FLAT;
+                              // The upper half of the frame's number stands where a capture has that of its sequence.
+                              source->enqueue(chain, before, after,
+                                              {frame.width, frame.height, frame.bits,
+                                               static_cast<std::uint32_t>(frame.frame_index >> 32), scene, false,
+                                               static_cast<std::uint32_t>(frame.frame_index), frame.seed,
+                                               frame.f_number, frame.pixel_pitch_m, frame.wavelength_m},
+                                              numbers.data());
+                          });
     });
 }
 
@@ -303,15 +307,17 @@ CLSP_API ClspStatus clspCompare(ClspContext context, ClspCapture real, ClspCaptu
         required(diagnosis, "diagnosis");
         const DiagnosisOptions options = diagnosis_options(desc);
         if (!options.hypotheses.empty())
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("desc->hypothesis_count is {}, a comparison takes none: hypotheses are functions on "
-                                    "frames that the library's own simulator draws",
-                                    options.hypotheses.size()));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("desc->hypothesis_count is {}, a comparison takes none: hypotheses are functions on "
+                            "frames that the library's own simulator draws",
+                            options.hypotheses.size()));
         if (!options.tolerance_file.empty())
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("desc->tolerance_file is \"{}\", a comparison takes none: its sets are brought to one "
-                                    "light and one noise before they are measured",
-                                    options.tolerance_file));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("desc->tolerance_file is \"{}\", a comparison takes none: its sets are brought to one "
+                            "light and one noise before they are measured",
+                            options.tolerance_file));
         const auto validate = [](const Capture &capture, const char *what) {
             try {
                 validate_capture(capture);

@@ -46,13 +46,14 @@ CLSP_API ClspStatus clspMaterialTableCreate(ClspContext context, const ClspMater
         std::vector<Material> list;
         list.reserve(count);
         for (std::uint32_t i = 0; i < count; ++i) {
-            const auto *entry = reinterpret_cast<const ClspMaterial *>(reinterpret_cast<const unsigned char *>(materials) +
-                                                                       std::size_t{i} * stride);
+            const auto *entry = reinterpret_cast<const ClspMaterial *>(
+                reinterpret_cast<const unsigned char *>(materials) + std::size_t{i} * stride);
             if (entry->struct_size != stride)
-                throw Error(Status::kInvalidStructSize,
-                            fmt::format("materials[{}].struct_size is {}, but materials[0].struct_size is {}; fill every "
-                                        "entry by clspMaterialInit()",
-                                        i, entry->struct_size, stride));
+                throw Error(
+                    Status::kInvalidStructSize,
+                    fmt::format("materials[{}].struct_size is {}, but materials[0].struct_size is {}; fill every "
+                                "entry by clspMaterialInit()",
+                                i, entry->struct_size, stride));
             const ClspMaterial m = read_struct(entry, material_defaults(), "materials");
             check_reserved(m.reserved, "materials->reserved");
             list.push_back(from_c<Material>(kMaterialFields, m));

@@ -198,8 +198,9 @@ CLSP_API ClspStatus clspProfileGetMap(ClspProfile profile, uint32_t map, ClspPro
                         fmt::format("map is {}; the profile has {}", map,
                                     p->maps() == 0          ? "none"
                                     : p->maps() == kDarkMap ? "CLSP_PROFILE_MAP_DARK, 1"
-                                    : p->maps() == kGainMap ? "CLSP_PROFILE_MAP_GAIN, 2"
-                                                            : "CLSP_PROFILE_MAP_DARK, 1, and CLSP_PROFILE_MAP_GAIN, 2"));
+                                    : p->maps() == kGainMap
+                                        ? "CLSP_PROFILE_MAP_GAIN, 2"
+                                        : "CLSP_PROFILE_MAP_DARK, 1, and CLSP_PROFILE_MAP_GAIN, 2"));
         const auto kind = static_cast<ProfileMapKind>(map);
         const ProfileMap &of = kind == kDarkMap ? *p->dark_map : *p->gain_map;
         if (values) {

@@ -34,8 +34,8 @@ CLSP_API ClspStatus clspStatisticsHistogram(ClspContext context, cl_command_queu
     return guarded("clspStatisticsHistogram", [&] {
         const auto c = object(context);
         required(counts, "counts");
-        const std::vector<std::uint64_t> result =
-            compute_histogram(c, queue, description(image, "image"), optional_description(mask, "mask"), low, high, bins);
+        const std::vector<std::uint64_t> result = compute_histogram(
+            c, queue, description(image, "image"), optional_description(mask, "mask"), low, high, bins);
         std::copy(result.begin(), result.end(), counts);
     });
 }

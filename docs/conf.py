@@ -115,8 +115,8 @@ def with_headers(app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = source[0].replace("```{c-headers}\n```", "\n".join(block.format(name) for name in names))
 
 
-# Files of the checkout, which pages link to, are no pages of the site: their links lead to the repository. Where none is
-# told, their words stay, without a link.
+# Files of the checkout, which pages link to, are no pages of the site: their links lead to the repository. Where none
+# is told, their words stay, without a link.
 def leave_the_site(app: Sphinx, docname: str, source: list[str]) -> None:
     page = Path(app.env.doc2path(docname)).parent
 

@@ -1,7 +1,7 @@
 /**
  * @file half.hpp
- * @brief Numbers of files as single precision. Half precision (IEEE 754) is exact, and here because the readers must not
- *        depend on OpenEXR's Imath.
+ * @brief Numbers of files as single precision. Half precision (IEEE 754) is exact, and here because the readers must
+ *        not depend on OpenEXR's Imath.
  */
 #ifndef CLSPECKLE_TOOLS_IMAGE_IO_HALF_HPP
 #define CLSPECKLE_TOOLS_IMAGE_IO_HALF_HPP

@@ -221,9 +221,10 @@ class ExrFile final : public ChannelFile {
             }
             if (!part.data.intersects(part.display))
                 fail(fmt::format(
-                    "{}the stored pixels (data window, x {} to {}, y {} to {}) lie outside the image (display window, x "
-                    "{} to {}, y {} to {}). If they are the image, save it with one window: file = OpenEXR.File(path, "
-                    "separate_channels=True); file.header()[\"displayWindow\"] = file.header()[\"dataWindow\"]; "
+                    "{}the stored pixels (data window, x {} to {}, y {} to {}) lie outside the image (display window, "
+                    "x {} to {}, y {} to {}). If they are the image, save it with one window: "
+                    "file = OpenEXR.File(path, separate_channels=True); "
+                    "file.header()[\"displayWindow\"] = file.header()[\"dataWindow\"]; "
                     "file.write(new_path)",
                     of, part.data.min.x, part.data.max.x, part.data.min.y, part.data.max.y, part.display.min.x,
                     part.display.max.x, part.display.min.y, part.display.max.y));

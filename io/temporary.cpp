@@ -96,7 +96,8 @@ void sweep(DIR *folder) noexcept {
 constexpr std::size_t most_swept = 64;
 
 /** Notes what a path leads to. @return whether that is another folder than before. */
-bool is_new(std::map<std::string, std::pair<dev_t, ino_t>> &known, const std::string &path, std::pair<dev_t, ino_t> place) {
+bool is_new(std::map<std::string, std::pair<dev_t, ino_t>> &known, const std::string &path,
+            std::pair<dev_t, ino_t> place) {
     const auto found = known.find(path);
     if (found != known.end())
         return std::exchange(found->second, place) != place;

@@ -33,8 +33,9 @@ std::string make_temporary_file(const std::string &path, TemporaryLock &lock, in
 /** Makes an empty folder beside `path`. @return its name. Throws std::system_error. */
 std::string make_temporary_folder(const std::string &path, TemporaryLock &lock);
 
-/** Removes a folder that make_temporary_folder() made, and the files in it. @param lock its own, which ends: with it nothing need be
- * opened, which may be what has failed. An empty one stands for a folder that took the other's place. */
+/** Removes a folder that make_temporary_folder() made, and the files in it. @param lock its own, which ends: with it
+ * nothing need be opened, which may be what has failed. An empty one stands for a folder that took the other's
+ * place. */
 void remove_temporary_folder(const std::string &path, TemporaryLock &lock) noexcept;
 
 } // namespace image_io

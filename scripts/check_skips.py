@@ -2,8 +2,8 @@
 
 usage: check_skips.py RESULTS_FOLDER ALLOWED_FILE
 
-RESULTS_FOLDER holds JUnit files of CTest, GoogleTest and pytest. ALLOWED_FILE has a line for each test that may be skipped: a part of its
-name, a colon, the reason; # begins a comment.
+RESULTS_FOLDER holds JUnit files of CTest, GoogleTest and pytest. ALLOWED_FILE has a line for each test that may be
+skipped: a part of its name, a colon, the reason; # begins a comment.
 """
 
 from __future__ import annotations

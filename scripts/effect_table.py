@@ -45,8 +45,10 @@ def written(page: str, effects: list[dict[str, Any]]) -> str:
             TABLE.format(re.escape(stage)), lambda m, t=table: m[1] + "\n" + t + "\n" + m[2], page, flags=re.DOTALL
         )
         if count != 1:
-            sys.exit(f"{PAGE.name} has {count} places for the effects of the stage {stage}; it needs one, between "
-                     f"'<!-- effects of the stage {stage} -->' and '<!-- end -->'")
+            sys.exit(
+                f"{PAGE.name} has {count} places for the effects of the stage {stage}; it needs one, between "
+                f"'<!-- effects of the stage {stage} -->' and '<!-- end -->'"
+            )
     return page
 
 

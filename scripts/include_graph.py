@@ -3,8 +3,8 @@
 
     scripts/include_graph.py [--root FOLDER] [--json]
 
-A C++ header and its source are one file here, and imports within Python functions count. Prints a line for each finding; exit
-code 1 if there are any:
+A C++ header and its source are one file here, and imports within Python functions count. Prints a line for each
+finding; exit code 1 if there are any:
   circle   files that need each other, all of a circle in one line
   arrow    a file that uses a folder which it must not know (ARROWS)
   room     a folder of core or diagnosis of which ARROWS says nothing
@@ -45,9 +45,11 @@ ARROWS = {
     "diagnosis/simulator": ["diagnosis/simulator", "diagnosis/capture", "core"],
     "diagnosis/statistics": ["diagnosis/statistics", "diagnosis/capture", "core"],
     "diagnosis/inference": [f"diagnosis/{x}" for x in ("inference", "statistics", "simulator", "capture")] + ["core"],
-    "diagnosis/measure": [f"diagnosis/{x}" for x in ("measure", "inference", "statistics", "simulator", "capture")] + ["core"],
+    "diagnosis/measure": [f"diagnosis/{x}" for x in ("measure", "inference", "statistics", "simulator", "capture")]
+    + ["core"],
     "diagnosis/report": ["diagnosis/report", "diagnosis/measure", "diagnosis/capture", "core", "io"],
-    "diagnosis/run": [f"diagnosis/{x}" for x in ("run", "measure", "inference", "statistics", "simulator", "capture")] + ["core"],
+    "diagnosis/run": [f"diagnosis/{x}" for x in ("run", "measure", "inference", "statistics", "simulator", "capture")]
+    + ["core"],
     "capi": ["capi", "diagnosis", "core", "io"],
     "bindings/cpp": ["bindings/cpp", "capi/include"],
     "tools": ["tools", "bindings/cpp/include", "capi/include", "io"],
@@ -67,7 +69,9 @@ def cpp_graph(root: Path) -> dict[str, set[str]]:
                 continue
             used = graph.setdefault(path.relative_to(root).as_posix(), set())
             for name in QUOTED.findall(path.read_text()):
-                found = next((p for p in [path.parent / name, *(root / f / name for f in folders)] if p.is_file()), None)
+                found = next(
+                    (p for p in [path.parent / name, *(root / f / name for f in folders)] if p.is_file()), None
+                )
                 if found:
                     used.add(found.resolve().relative_to(root).as_posix())
     return graph

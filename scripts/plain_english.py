@@ -106,7 +106,9 @@ def cpp_comments(text: str) -> list[str]:
                 found.append(line)
             end = match.end()
         elif match[0].startswith("/*"):
-            found.append("\n".join(re.sub(r"^\s*\*", "", line) for line in match[0].strip("/").strip("*<").splitlines()))
+            found.append(
+                "\n".join(re.sub(r"^\s*\*", "", line) for line in match[0].strip("/").strip("*<").splitlines())
+            )
     return found
 
 
@@ -144,7 +146,9 @@ def words(sentence: str) -> int:
 
 def sources() -> list[Path]:
     """All that is written by hand here."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\n")
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split(
+        "\n"
+    )
     return [ROOT / name for name in listed if name.endswith(SOURCES) and not name.endswith("_generated.py")]
 
 

@@ -115,9 +115,12 @@ def main() -> int:
         print(f"{arguments.data} holds no folder with a capture.json; give the folder of the sets", file=sys.stderr)
         return 1
     text = (
-        f"# Real cameras\n\nMade by `scripts/real_cameras.py DATA` on {datetime.date.today()}: every capture set there is "
-        "diagnosed with seed 0.\n[EMVA 1288](../method/emva1288.md) numbers are of the frames alone; fitted effects are "
-        "the diagnosis's\n([diagnosis](../method/diagnosis.md)). `conditional`: a scene in which the effect shows has a "
+        f"# Real cameras\n\nMade by `scripts/real_cameras.py DATA` on {datetime.date.today()}: every capture set there "
+        "is "
+        "diagnosed with seed 0.\n[EMVA 1288](../method/emva1288.md) numbers are of the frames alone; fitted effects "
+        "are "
+        "the diagnosis's\n([diagnosis](../method/diagnosis.md)). `conditional`: a scene in which the effect shows has "
+        "a "
         "residual.\n\n"
     )
     for folder in sets:

@@ -3,8 +3,9 @@
 
 usage: runtimes.py [--runtimes pocl,intel] [--programs test_philox,test_phase] [--limit SECONDS] [--table FILE]
 
-Fetches Intel's CPU runtime from PyPI and Mesa's rusticl from Debian into build/runtimes; neither becomes a driver of this machine.
-tests/runtimes/known.txt lists what is known to fail on a runtime, with the reason. Ends with 1 where anything else fails.
+Fetches Intel's CPU runtime from PyPI and Mesa's rusticl from Debian into build/runtimes; neither becomes a driver of
+this machine. tests/runtimes/known.txt lists what is known to fail on a runtime, with the reason. Ends with 1 where
+anything else fails.
 """
 
 from __future__ import annotations
@@ -131,7 +132,8 @@ class Result:
     failed: list[str] = field(default_factory=list)
 
     def row(self) -> str:
-        return f"| {self.runtime} | {self.device} | {self.programs} | {self.passed} | {self.skipped} | {len(self.known)} | {len(self.failed)} |"
+        counts = (self.programs, self.passed, self.skipped, len(self.known), len(self.failed))
+        return f"| {self.runtime} | {self.device} | {' | '.join(map(str, counts))} |"
 
 
 def tests_of(report: Path) -> dict[str, str]:
@@ -169,8 +171,10 @@ def run_programs(runtime: str, build: Path, programs: list[str], limit: float, s
         report.unlink(missing_ok=True)
         begin = time.monotonic()
         try:
-            done = subprocess.run([*command, build / "bin" / program], env={**variables, "GTEST_OUTPUT": f"xml:{report}"},
-                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=limit, check=False)  # fmt: skip
+            done = subprocess.run([*command, build / "bin" / program], env={**variables,
+                                                                            "GTEST_OUTPUT": f"xml:{report}"},
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=limit,
+                                  check=False)  # fmt: skip
             (folder / f"{program}.log").write_bytes(done.stdout)
             tests = tests_of(report) if report.exists() else {f"{program}: signal {-done.returncode}": "failed"}
         except subprocess.TimeoutExpired as error:
@@ -187,7 +191,8 @@ def run_programs(runtime: str, build: Path, programs: list[str], limit: float, s
             else:
                 result.failed.append(name)
         say(
-            f"{runtime}: {program}: {len(tests) - len(failed)} of {len(tests)} in {time.monotonic() - begin:.0f} s {' '.join(failed)}"
+            f"{runtime}: {program}: {len(tests) - len(failed)} of {len(tests)} in {time.monotonic() - begin:.0f} s "
+            f"{' '.join(failed)}"
         )
     return result
 

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Whether two builds of clSpeckle make the same bytes: frames with every effect and engine, diffractive elements, depth of
-dots, reports and comparisons.
+"""Whether two builds of clSpeckle make the same bytes: frames with every effect and engine, diffractive elements, depth
+of dots, reports and comparisons.
 
     scripts/same_bytes.py BEFORE AFTER [--sets FOLDER ...] [--only TEXT] [--json]
 
-BEFORE and AFTER are build folders (with bin/clspeckle and lib/libclspeckle.so). Each case is a table row: the same command
-line is run by both programs, and every file that they write, with what they print, is compared. Dots and their effects, which
-`render` has not, go through the Python binding with either library. What depends on the run (times, versions) is left out of
-reports. A command that fails compares nothing, and counts as a difference. Exit code 1 where something differs. A change that shall leave frames and reports as they are is run through this.
+BEFORE and AFTER are build folders (with bin/clspeckle and lib/libclspeckle.so). Each case is a table row: the same
+command line is run by both programs, and every file that they write, with what they print, is compared. Dots and their
+effects, which `render` has not, go through the Python binding with either library. What depends on the run (times,
+versions) is left out of reports. A command that fails compares nothing, and counts as a difference. Exit code 1 where
+something differs. A change that shall leave frames and reports as they are is run through this.
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ def cases(program: Path, sets: list[Path]) -> Iterator[Case]:
     yield "scene", ["render", "sequence.json", "-o", "{out}", "--exposure-gain", "auto", "--quiet"], {}
     moving = ["render", "sequence.json", "-o", "{out}", "--motion", "correlate", "--quiet"]
     yield "scene in motion", moving, {}
-    listed = json.loads(subprocess.run([program, "effects", "--json"], check=True, capture_output=True, text=True).stdout)
+    listed = json.loads(
+        subprocess.run([program, "effects", "--json"], check=True, capture_output=True, text=True).stdout
+    )
     yield "effects", ["effects", "--json"], {}
     yield "dots", ["dots.py", "", "{out}/frames.npy"], {}
     for effect in listed["effects"] if isinstance(listed, dict) else listed:
@@ -138,7 +141,11 @@ def outcome(program: Path, case: Case, inputs: Path) -> dict[str, bytes]:
             environment["CLSPECKLE_LIBRARY"] = str(program.parents[1] / "lib" / "libclspeckle.so")
             environment["PYTHONPATH"] = str(ROOT / "bindings" / "python" / "src")
         done = subprocess.run([*first, *words], cwd=inputs, env=environment, capture_output=True, check=False)
-        said = {"exit code": str(done.returncode).encode(), "output": without_clock(done.stdout), "messages": without_clock(done.stderr)}
+        said = {
+            "exit code": str(done.returncode).encode(),
+            "output": without_clock(done.stdout),
+            "messages": without_clock(done.stderr),
+        }
         result = {name: text.replace(out.encode(), b"{out}") for name, text in said.items()}
         for path in sorted(Path(out).rglob("*")):
             if path.is_file():
@@ -168,7 +175,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("before", type=Path, help="build folder of the one program")
     parser.add_argument("after", type=Path, help="build folder of the other")
-    parser.add_argument("--sets", type=Path, nargs="*", default=[], help="folders of capture sets to diagnose with both")
+    parser.add_argument(
+        "--sets", type=Path, nargs="*", default=[], help="folders of capture sets to diagnose with both"
+    )
     parser.add_argument("--only", default="", help="only cases whose name contains this")
     parser.add_argument("--json", action="store_true", help="print the outcome as JSON")
     given = parser.parse_args()

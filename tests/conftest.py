@@ -1,4 +1,5 @@
-"""What every pytest suite shares: `reference`, `gap_check` and `thesis` on the path, one context for the session, a table of measured errors.
+"""What every pytest suite shares: `reference`, `gap_check` and `thesis` on the path, one context for the session, a
+table of measured errors.
 
 Without an OpenCL device every test of the library fails: a suite that skips itself shows nothing.
 """

@@ -85,7 +85,8 @@ void Console::result(const std::string &text) {
 void Console::finish() {
     clear_progress();
     if (std::fflush(out_) != 0 || std::ferror(out_))
-        throw OutputError(fmt::format("standard output cannot be written: {}", std::strerror(write_error_ ? write_error_ : errno)));
+        throw OutputError(
+            fmt::format("standard output cannot be written: {}", std::strerror(write_error_ ? write_error_ : errno)));
 }
 
 void Console::progress(std::uint64_t done, std::uint64_t total) {

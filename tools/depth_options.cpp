@@ -37,7 +37,10 @@ Examples:
     text("--geometry", a.geometry, "JSON with camera and laser, for example sequence.json", "FILE")->required();
     text("--csv", a.csv, "Write all dots of all frames, also those without a depth, as a table", "FILE");
     text("--npy", a.npy, "Write the same as a structured NumPy array", "FILE");
-    text("--pictures", a.pictures, "Write pictures of each frame into this folder: the dots on the frame with a legend, the depth in colors with a scale; and the depth as NPY", "FOLDER");
+    text("--pictures", a.pictures,
+         "Write pictures of each frame into this folder: the dots on the frame with a legend, the depth in colors with "
+         "a scale; and the depth as NPY",
+         "FOLDER");
     add_number(app, "--near-m", a.near_m, ranges::depth_m, "Least depth (default: the geometry file's, else 0.2)");
     add_number(app, "--far-m", a.far_m, ranges::depth_m, "Largest depth (default: the geometry file's, else 10)");
     add_number(app, "--relative-diameter", a.relative_diameter, ranges::relative_diameter,
@@ -48,7 +51,8 @@ Examples:
     };
     ClspDepthDesc &d = a.desc;
     number("--dot-sigma-px", d.dot_sigma_px, ranges::dot_sigma_px, "Expected width of the dots");
-    number("--read-noise-dn", d.read_noise_dn, ranges::noise_dn, "Standard deviation of the noise in the dark; 0: unknown");
+    number("--read-noise-dn", d.read_noise_dn, ranges::noise_dn,
+           "Standard deviation of the noise in the dark; 0: unknown");
     number("--dn-per-electron", d.dn_per_electron, ranges::dn_per_electron, "Of the shot noise; 0: none");
     number("--black-level-dn", d.black_level_dn, ranges::level_dn, "Value without light");
     number("--saturation-dn", d.saturation_dn, ranges::noise_dn, "Pixels at or above it are saturated; 0: none is");

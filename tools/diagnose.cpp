@@ -188,9 +188,10 @@ void run_diagnose(const DiagnoseArguments &arguments, Console &console) {
     for (const std::string &path : map_files(arguments.profile)) {
         for (const std::string &other : {arguments.json, arguments.html, arguments.emva})
             if (path == other)
-                throw InputError(fmt::format("--profile {}: its map {} is what another option names, too; give each file a "
-                                             "name of its own",
-                                             arguments.profile, path));
+                throw InputError(
+                    fmt::format("--profile {}: its map {} is what another option names, too; give each file a "
+                                "name of its own",
+                                arguments.profile, path));
         files.push_back(path);
     }
     const std::vector<std::string> own = maps_to_replace(arguments.profile);

@@ -18,7 +18,8 @@ namespace tools {
 
 struct DiagnoseArguments {
     std::string folder;
-    std::string sim;  ///< The set of another simulator that it is compared with (`gap compare`); empty: our own simulator.
+    /** The set of another simulator that it is compared with (`gap compare`); empty: our own simulator. */
+    std::string sim;
     std::string camera; ///< Profile of the camera that both sets are of (`gap compare`); empty: none.
     std::string json; ///< File for the report, "-" for standard output; empty: none.
     std::string profile; ///< File for the camera profile; empty: none.

@@ -15,8 +15,8 @@ namespace {
 constexpr std::size_t places_shown = 10;
 constexpr std::size_t ranked_shown = 8;
 constexpr std::size_t measured_shown = 8;
-// Of what is measured in a data sheet's units that is shown which differs by so many deviations of eight simulated captures: by chance
-// (Student's t of seven degrees of freedom) one of a thousand does, of some 80.
+// Of what is measured in a data sheet's units that is shown which differs by so many deviations of eight simulated
+// captures: by chance (Student's t of seven degrees of freedom) one of a thousand does, of some 80.
 constexpr double measured_apart = 6;
 constexpr double bar_cells = 40;
 // Of the level: at what a residual is tested, as there are several models to a capture (docs/method/diagnosis.md).
@@ -212,9 +212,10 @@ std::string illumination_text(const Json &report) {
     std::vector<std::string> parts;
     for (const Json &light : found["lights"])
         if (light["uneven"].get<bool>())
-            parts.push_back(fmt::format("{} with slopes of {:.1f} % in x and {:.1f} % in y, {:.1f} % less in the corners",
-                                        light["light"].get<std::string>(), percent(light["slope_x"]),
-                                        percent(light["slope_y"]), percent(light["corner_loss"])));
+            parts.push_back(
+                fmt::format("{} with slopes of {:.1f} % in x and {:.1f} % in y, {:.1f} % less in the corners",
+                            light["light"].get<std::string>(), percent(light["slope_x"]), percent(light["slope_y"]),
+                            percent(light["corner_loss"])));
     for (const Json &drift : found["lamp_drifts"])
         parts.push_back(fmt::format("a lamp that varies by {:.2g} % from frame to frame of {}",
                                     percent(drift["deviation"]), drift["sequence"].get<std::string>()));
@@ -289,7 +290,8 @@ std::string measurements_text(const Json &report) {
         if (with_effects)
             rows.back().push_back(value(entry, "sim_with_effects"));
     }
-    return "Measured, as a data sheet has it: what differs most, beyond chance (all of it: --json, --html)\n" + table(rows, "  ") + "\n";
+    return "Measured, as a data sheet has it: what differs most, beyond chance (all of it: --json, --html)\n" +
+           table(rows, "  ") + "\n";
 }
 
 /** Differences from the camera by the user's tolerances. */

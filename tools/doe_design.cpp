@@ -418,11 +418,13 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
                             "In which the levels are taken");
     add_number_with_default(design, "--fix-phase-iteration", d.fix_phase_iteration, ranges::sweeps,
                             "From which on kim keeps the phases of the orders");
-    add_number_with_default(design, "--search", d.search_sweeps, ranges::sweeps, "Sweeps of direct binary search at most");
+    add_number_with_default(design, "--search", d.search_sweeps, ranges::sweeps,
+                            "Sweeps of direct binary search at most");
     design.add_flag("--keep-envelope", d.keep_envelope,
                     "Make the powers before the pixels' envelope as wanted, not those behind it");
     design.add_flag("--mirror", d.mirror, "With two levels: add missing mirror images to the list");
-    add_number(design, "--period-um", d.period_um, ranges::period_um, "Period of the cell, checked against --size and --pitch-um");
+    add_number(design, "--period-um", d.period_um, ranges::period_um,
+               "Period of the cell, checked against --size and --pitch-um");
     design.add_option("--device", d.device, "OpenCL device, as for render")->type_name("TEXT");
     add_cell(design, d.cell, json, quiet);
 
@@ -440,7 +442,8 @@ void add_doe_design(CLI::App &group, DoeDesignCommands &commands, bool &json, bo
                "Of a neighbourhood, in direction cosines (default: three mean spacings)");
     add_number(layout, "--tolerance", l.tolerance, ranges::distance_of_directions,
                "Neighbours within this match, in direction cosines (default: a quarter of the least distance)");
-    add_number_with_default(layout, "--repair-rounds", l.repair_rounds, ranges::sweeps, "In which dots that look alike are moved");
+    add_number_with_default(layout, "--repair-rounds", l.repair_rounds, ranges::sweeps,
+                            "In which dots that look alike are moved");
     add_cell(layout, l.cell, json, quiet);
 }
 

@@ -250,7 +250,8 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
         ->type_name("WORD");
     numbers("--beam-sigma-um", a.beam_sigma_um, ranges::beam_um,
             "Standard deviation of a Gaussian or skewed beam's intensity, or x,y (default 250)");
-    numbers("--beam-width-um", a.beam_width_um, ranges::beam_um, "Full width of the other beams, or width,height (default 1000)");
+    numbers("--beam-width-um", a.beam_width_um, ranges::beam_um,
+            "Full width of the other beams, or width,height (default 1000)");
     number("--beam-order", a.beam_order, ranges::beam_order, "Of a super-Gaussian beam");
     numbers("--beam-skew", a.beam_skew, ranges::beam_skew, "Shape parameter of a skewed beam, or x,y");
     number("--m-squared", a.m_squared, ranges::beam_quality, "Beam quality: the spots are that much wider");
@@ -266,11 +267,14 @@ void add_options(CLI::App &app, DoePatternArguments &a, bool &json, bool &quiet)
     number("--etch-noise-nm", a.etch_noise_nm, ranges::etch_noise_nm, "RMS error of each pixel's depth");
     add_number(app, "--refractive-index", a.refractive_index, ranges::refractive_index,
                "At the design's wavelength (default 1.4507, fused silica)");
-    number("--dispersion-per-um", a.dispersion_per_um, ranges::dispersion_per_um, "Change of the index with the wavelength");
+    number("--dispersion-per-um", a.dispersion_per_um, ranges::dispersion_per_um,
+           "Change of the index with the wavelength");
     add_seed(app, a.seed, "Of the etch noise");
-    numbers("--wavelength-nm", a.wavelengths_nm, ranges::wavelength_nm, "Of the laser, or of its lines (default the design's)");
+    numbers("--wavelength-nm", a.wavelengths_nm, ranges::wavelength_nm,
+            "Of the laser, or of its lines (default the design's)");
     numbers("--line-power", a.line_powers, ranges::relative_power, "Relative power of each line (default all equal)");
-    numbers("--doe-size-mm", a.doe_size_mm, ranges::element_mm, "Size of the element, or width,height (default without limit)");
+    numbers("--doe-size-mm", a.doe_size_mm, ranges::element_mm,
+            "Size of the element, or width,height (default without limit)");
     app.add_option("--evaluation", a.evaluation, "orders, aperture or auto (default auto)")
         ->check(known_words(evaluations))
         ->type_name("WORD");

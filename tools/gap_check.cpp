@@ -52,9 +52,9 @@ fs::path find_generator(const std::string &given) {
         if (const fs::path checkout = folder_above(root, generator_file); !checkout.empty())
             return checkout / "validation" / "gap_check";
     throw InputError(
-        "the generator of the check was not found: it is the Python package validation/gap_check of a checkout of clSpeckle, "
-        "installed as share/clspeckle/gap_check; run this within the checkout, or name the package with --generator "
-        "FOLDER");
+        "the generator of the check was not found: it is the Python package validation/gap_check of a checkout of "
+        "clSpeckle, installed as share/clspeckle/gap_check; run this within the checkout, or name the package with "
+        "--generator FOLDER");
 }
 
 std::string quoted(const std::string &word) {
@@ -119,14 +119,16 @@ std::string score_table(const Json &score) {
 
 /** Noticed and named, a row for each part of the weak amplitude, columns for each number of frames. */
 std::string power_table(const Json &power) {
-    std::vector<std::vector<std::string>> rows = {{"frames", "part of the weak amplitude", "sets", "noticed", "95 % (Wilson)",
-                                                   "named, or among the equivalents", "95 % (Wilson)"}};
+    std::vector<std::vector<std::string>> rows = {{"frames", "part of the weak amplitude", "sets", "noticed",
+                                                   "95 % (Wilson)", "named, or among the equivalents",
+                                                   "95 % (Wilson)"}};
     for (const Json &row : power["rows"]) {
         rows.push_back({row["frames"].dump(), fmt::format("{:.2f}", 1.0 + row["strength"].get<double>()),
                         row["sets"].dump()});
         for (const char *what : {"detected", "included"}) {
             rows.back().push_back(percent(row[what]["share"]));
-            rows.back().push_back(fmt::format("{} to {}", percent(row[what]["wilson95"][0]), percent(row[what]["wilson95"][1])));
+            rows.back().push_back(
+                fmt::format("{} to {}", percent(row[what]["wilson95"][0]), percent(row[what]["wilson95"][1])));
         }
     }
     return table(rows);

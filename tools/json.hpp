@@ -13,8 +13,8 @@ namespace tools {
 
 using Json = image_io::Json;
 
-/** A document to be read again. Throws InputError for a text in it that is no UTF-8, as JSON must be: that is the name of
- * a file. @param indent spaces of a level. */
+/** A document to be read again. Throws InputError for a text in it that is no UTF-8, as JSON must be: that is the name
+ * of a file. @param indent spaces of a level. */
 std::string json_document(const Json &root, int indent);
 using image_io::JsonDocument;
 using image_io::read_json;

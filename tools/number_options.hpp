@@ -78,7 +78,8 @@ CLI::Option *add_number(CLI::App &app, const char *name, T &value, const Range &
 template <typename T>
 CLI::Option *add_number_with_default(CLI::App &app, const char *name, T &value, const Range &range, const char *what) {
     const std::string fallback = fmt::format(" (default {})", value);
-    return add_number(app, name, value, range, what)->description(fmt::format("{}, {}{}", what, range.text(), fallback));
+    return add_number(app, name, value, range, what)
+        ->description(fmt::format("{}, {}{}", what, range.text(), fallback));
 }
 
 /** An option of several numbers, each of the range. */

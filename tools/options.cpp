@@ -122,7 +122,8 @@ std::vector<Option> make_table() {
         number("aperture", "pixel_pitch_m", aperture.pixel_pitch_m, ranges::pixel_pitch_m,
                "distance between two pixels of the sensor"),
         number("aperture", "wavelength_m", aperture.wavelength_m, ranges::wavelength_m, "wavelength of the laser"),
-        number("aperture", "relative_diameter", aperture.relative_diameter, ranges::relative_diameter,
+        number(
+            "aperture", "relative_diameter", aperture.relative_diameter, ranges::relative_diameter,
             "diameter of the aperture in the frequency plane, at most the oversampling; 0: pixel_pitch / (wavelength * "
             "f_number)"),
         number("aperture", "degree_of_polarization", aperture.degree_of_polarization, ranges::part,
@@ -157,15 +158,13 @@ std::vector<Option> make_table() {
                {"auto"}),
         number("sensor", "saturation_dn", sensor.saturation_dn, ranges::saturation_dn,
                "the signal stops here; inf: only the converter clips"),
-        number("sensor", "black_level_dn", sensor.black_level_dn, ranges::level_dn,
-               "code without light"),
+        number("sensor", "black_level_dn", sensor.black_level_dn, ranges::level_dn, "code without light"),
         number("sensor", "read_noise_dn", sensor.read_noise_dn, ranges::noise_dn,
                "standard deviation of the temporal noise"),
         number("sensor", "exposure_time_s", sensor.exposure_time_s, ranges::time_s,
                "for the effect dark_current only: the exposure gain is per exposure"),
         number("sensor", "hot_pixel_fraction", sensor.hot_pixel_fraction, ranges::part, "share of hot pixels"),
-        number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, ranges::noise_dn,
-               "mean offset of a hot pixel"),
+        number("sensor", "hot_pixel_mean_dn", sensor.hot_pixel_mean_dn, ranges::noise_dn, "mean offset of a hot pixel"),
         number("sensor", "cold_pixel_fraction", sensor.cold_pixel_fraction, ranges::part,
                "share of pixels that see no light"),
         text("sensor", "dark_frame", Kind::file, "image of the mean dark signal above the black level, in dn"),
@@ -187,12 +186,12 @@ std::vector<Option> make_table() {
         choice("pattern", "filter", {"bilinear", "area"}, pattern.filter,
                "the pattern at a pixel's centre, or its mean over the pixel's footprint"),
         number("pattern", "power_scale", pattern.power_scale, ranges::gain, "factor on the pattern's values"),
-        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12}, ranges::pose_m, "pose of the laser, [R|t], 3 x 4 row by row"),
+        numbers("pattern", "laser_from_geometry", std::vector<double>(std::begin(pose), std::end(pose)), {12},
+                ranges::pose_m, "pose of the laser, [R|t], 3 x 4 row by row"),
 
         number("camera", "fx_px", geometry.fx_px, ranges::focal_length_px, "focal length along x; needed with depth"),
         number("camera", "fy_px", geometry.fy_px, ranges::focal_length_px, "focal length along y; needed with depth"),
-        number("camera", "cx_px", geometry.cx_px, ranges::place_px,
-               "principal point, x; pixel centres are integers"),
+        number("camera", "cx_px", geometry.cx_px, ranges::place_px, "principal point, x; pixel centres are integers"),
         number("camera", "cy_px", geometry.cy_px, ranges::place_px, "principal point, y"),
         choice("camera", "depth_kind", {"along_axis", "along_ray"}, geometry.depth_kind,
                "whether depth is the z coordinate or the distance from the camera"),
@@ -434,7 +433,9 @@ std::string Option::range() const {
         }
         if (!text.empty())
             text += ", each ";
-        text += kind == Kind::integer && high >= max_seed ? "0 to 2^64 - 1" : fmt::format("{} to {}", number_text(low), number_text(high));
+        text += kind == Kind::integer && high >= max_seed
+                    ? "0 to 2^64 - 1"
+                    : fmt::format("{} to {}", number_text(low), number_text(high));
         if (!words.empty())
             text += (text.empty() ? "" : ", or ") + joined(words, " or ");
         if (kind == Kind::number && fallback == "inf")

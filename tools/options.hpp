@@ -75,8 +75,8 @@ class Config {
     /** Reads a JSON configuration. Throws InputError naming the nearest known key for an unknown one. */
     void load(const std::string &path);
     /**
-     * Takes a camera profile over. Later values of the command line replace its own, which replaced() tells; but for what its
-     * effects were measured with. What a configuration or a scene says otherwise is refused.
+     * Takes a camera profile over. Later values of the command line replace its own, which replaced() tells; but for
+     * what its effects were measured with. What a configuration or a scene says otherwise is refused.
      * @param sequence whose light, scene and motion are rendered; empty: none's.
      * @param maps whether its maps are used, in the place of the effects that they hold.
      * @return what of the profile is left out, and why.

@@ -31,7 +31,8 @@ int run_program(const std::vector<std::string> &words, const std::string &output
 /** Goes on as another program, and returns only if there is none. */
 void become_program(const std::vector<std::string> &words);
 
-/** Throws InputError with `needs` unless this is Python 3.9 or newer that has the modules; Python says what it lacks. */
+/** Throws InputError with `needs` unless this is Python 3.9 or newer that has the modules; Python says what it
+ *  lacks. */
 void need_modules(const std::string &python, const std::string &modules, const std::string &needs);
 
 /** Puts a folder before those in which Python looks for modules. */

@@ -7,6 +7,7 @@
 #include "interrupt.hpp"
 #include "json.hpp"
 #include "output.hpp"
+#include "plane_checks.hpp"
 #include "stage_times.hpp"
 #include "text.hpp"
 
@@ -753,7 +754,8 @@ class Renderer {
         if (brightest * behind <= std::min((range_->top_code() + 1) / 2, range_->largest_signal() / 2))
             console_.warn(fmt::format("{}, though the brightest {} brings no more than half of the range: the code "
                                       "without light, {:g}, and ambient light, {:g} dn, fill the rest; lower them",
-                                      told, input_.scene ? "point" : "number", range_->offset(), range_->ambient_light()));
+                                      told, input_.scene ? "point" : "number", range_->offset(),
+                                      range_->ambient_light()));
         else
             console_.warn(
                 fmt::format("{}: the mean light is {:.3g}, and the gain {} dn for light of 1; {}{}", told, mean, gain,

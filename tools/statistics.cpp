@@ -5,6 +5,7 @@
 #include "files.hpp"
 #include "interrupt.hpp"
 #include "io/formats.hpp"
+#include "plane_checks.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>

@@ -118,7 +118,8 @@ using Directions = std::vector<Direction>;
 
 // Dots one after the other at random places, each kept if it is far enough from those before; random sequential
 // adsorption. Fewer than wanted: no more were found. `tell` hears of it now and then.
-Directions draw(const DotLayoutParameters &p, const Region &region, double distance, const std::function<void()> &tell) {
+Directions draw(const DotLayoutParameters &p, const Region &region, double distance,
+                const std::function<void()> &tell) {
     Directions dots;
     DirectionGrid grid(region.u, region.v, distance);
     const auto put = [&](Direction d) {

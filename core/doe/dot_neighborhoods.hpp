@@ -53,8 +53,8 @@ struct NeighborhoodMeasure {
     std::vector<std::pair<std::size_t, std::size_t>> alike; // pairs whose difference is below the wanted one
 };
 
-// difference(i, j) = 1 - 2 matches / (neighbours of i + neighbours of j), over all pairs of a row band. `tell` hears now
-// and then which part of the dots is done.
+// difference(i, j) = 1 - 2 matches / (neighbours of i + neighbours of j), over all pairs of a row band. `tell` hears
+// now and then which part of the dots is done.
 NeighborhoodMeasure measure_neighborhoods(const std::vector<Direction> &dots, const NeighborhoodRules &rules,
                                           double wanted, const std::function<void(double)> &tell);
 

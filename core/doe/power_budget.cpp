@@ -28,9 +28,10 @@ double uniformity(const std::vector<double> &shares, const std::vector<double> &
 class Capture {
   public:
     Capture(const DoePowerBudget &budget, double reach_u, double reach_v)
-        : width_(int(budget.image_width)), height_(int(budget.image_height)), texel_u_(2 * budget.half_extent_x / width_),
-          texel_v_(2 * budget.half_extent_y / height_), reach_u_(std::max(reach_u, 1.5 * texel_u_)),
-          reach_v_(std::max(reach_v, 1.5 * texel_v_)), owner(std::size_t(width_) * std::size_t(height_), -1),
+        : width_(int(budget.image_width)), height_(int(budget.image_height)),
+          texel_u_(2 * budget.half_extent_x / width_), texel_v_(2 * budget.half_extent_y / height_),
+          reach_u_(std::max(reach_u, 1.5 * texel_u_)), reach_v_(std::max(reach_v, 1.5 * texel_v_)),
+          owner(std::size_t(width_) * std::size_t(height_), -1),
           distance_(owner.size(), std::numeric_limits<float>::max()) {}
 
     void claim(double u, double v, int index) {
@@ -162,7 +163,8 @@ void add_scatter(const DoeElement &element, std::vector<float> &texel_shares) {
 void finish_texels(std::vector<float> texel_shares, DoePatternResult &result) {
     DoePowerBudget &budget = result.budget;
     const std::size_t width = budget.image_width, height = budget.image_height;
-    const double texel_u = 2 * budget.half_extent_x / double(width), texel_v = 2 * budget.half_extent_y / double(height);
+    const double texel_u = 2 * budget.half_extent_x / double(width),
+                 texel_v = 2 * budget.half_extent_y / double(height);
     budget.inside_image = 0;
     for (std::size_t j = 0; j < height; ++j) {
         double row = 0;

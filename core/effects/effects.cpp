@@ -25,8 +25,8 @@ template <typename T> T &needed(std::optional<T> &part, const char *effect, cons
 DotsParameters &dots(Model &model, const char *effect) { return needed(model.dots, effect, "dots"); }
 SensorParameters &sensor(Model &model, const char *effect) { return needed(model.sensor, effect, "a sensor"); }
 
-// k = -2, -1, 0, 1, 2: the catalogue's "k in [-2, 2]" read as whole numbers, as lines of a laser have. With lines closer
-// to each other the same light takes an s that is larger by up to 4 %.
+// k = -2, -1, 0, 1, 2: the catalogue's "k in [-2, 2]" read as whole numbers, as lines of a laser have. With lines
+// closer to each other the same light takes an s that is larger by up to 4 %.
 constexpr std::uint32_t kLineCount = 5;
 // An angle of any sign, from any start; radians.
 constexpr double kAnyTurn = 6.28318530717958647692;
@@ -166,7 +166,8 @@ std::vector<Effect> make_catalogue() {
      "a static scene's frames hold one speckle pattern, and not what it changes into", {1, 0, true}}
         .needs_gaussian_field(),
     Effect{"airflow", "motion",
-     "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time (1)",
+     "smooth phase screens before a resting scene: changing with time (0), or frozen and carried a scale in that time "
+     "(1)",
      "stages/airflow.cl, stages/field.cl: field_illuminate (SCREEN)", kSetsPipeline,
      {{"rms_rad", "rad", 0.0, 100.0, 0.25, 0.8},
       {"scale_px", "px", 0.5, 1000.0, 6.0, 6.0},
@@ -277,7 +278,8 @@ std::vector<Effect> make_catalogue() {
      {kInSpeckle}, {kInSpeckle},
      "less contrast, and neighbouring pixels alike", "", {1}}
         .told_from("crosstalk",
-                   "flat with shot noise at a high level: crosstalk correlates neither noise before nor after it as a pixel's area does"),
+                   "flat with shot noise at a high level: crosstalk correlates neither noise before nor after it as a "
+                   "pixel's area does"),
     Effect{"crosstalk", "sensor", "a fraction of a pixel's signal goes to its four neighbours in equal parts",
      "stages/sensor.cl: sensor_expose (CROSSTALK)", kSetsSensor,
      {{"fraction", "1", 0.0, 1.0, 0.06, 0.25}},
@@ -427,9 +429,11 @@ std::vector<Effect> make_catalogue() {
      {kInLight}, {kInLight},
      "the law of speckle bends; of even light only its noise and patterns do", "", {1}}
         .told_from("full_well",
-                   "board_moving at several levels of light: the full well ends speckle at one level, a bent response bends it at all")
+                   "board_moving at several levels of light: the full well ends speckle at one level, a bent response "
+                   "bends it at all")
         .told_from("depolarization",
-                   "board_moving at several levels of light: a bent response changes the law of speckle by the level, polarization does not"),
+                   "board_moving at several levels of light: a bent response changes the law of speckle by the level, "
+                   "polarization does not"),
     Effect{"nonlinearity", "sensor", "s -> s (1 - c (s / full)^3), full = 2^bits - 1; beyond full it bends no further",
      "stages/sensor_pixel.h: expose_pixel (CUBIC)", kSetsSensor,
      {{"cubic", "1", 0.0, 0.25, 0.01, 0.05}},
@@ -539,8 +543,8 @@ std::vector<double> check_effect_values(const Effect &effect, const double *valu
         const double value = i < count ? values[i] : 0.5 * (parameter.weak + parameter.strong);
         if (!(value >= parameter.minimum && value <= parameter.maximum))
             throw Error(Status::kInvalidArgument,
-                        fmt::format("{} of the effect {} is {}, it must be {} to {}{}", parameter.name, effect.id, value,
-                                    parameter.minimum, parameter.maximum,
+                        fmt::format("{} of the effect {} is {}, it must be {} to {}{}", parameter.name, effect.id,
+                                    value, parameter.minimum, parameter.maximum,
                                     std::string(parameter.unit) == "1" ? "" : " " + std::string(parameter.unit)));
         if (parameter.whole && value != std::round(value))
             throw Error(Status::kInvalidArgument, fmt::format("{} of the effect {} is {}, it must be a whole number",

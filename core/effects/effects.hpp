@@ -64,14 +64,14 @@ struct EffectForms {
     bool told_by_fit; // screening does not tell the forms apart
 };
 
-// A parameter that no search finds, and the quantities of a capture that are it and its standard error, or nullptr where
-// it is exact.
+// A parameter that no search finds, and the quantities of a capture that are it and its standard error, or nullptr
+// where it is exact.
 struct MeasuredParameter {
     const char *parameter, *quantity, *error;
 };
 
-// What an effect's definition leaves open, so that captures by another simulator may have it otherwise. A fit tolerates the
-// difference.
+// What an effect's definition leaves open, so that captures by another simulator may have it otherwise. A fit tolerates
+// the difference.
 enum class OpenReading {
     kNone,
     kFrameBefore, // whether the frame before holds what had remained in it, and whether a first frame had one before it
@@ -79,7 +79,8 @@ enum class OpenReading {
     kWhatMoves,   // the picture with its dots, or the dots alone
 };
 
-// What a pixel has by the effect in every frame alike, so that a map of the pixels holds it: an offset or a relative gain.
+// What a pixel has by the effect in every frame alike, so that a map of the pixels holds it: an offset or a relative
+// gain.
 enum class FixedPattern { kNone, kOffset, kGain };
 
 // What it takes to put an effect into finished frames, beside each frame itself.

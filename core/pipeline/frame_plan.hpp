@@ -1,5 +1,5 @@
-// What one frame launches, step by step. Adding a step checks it and builds its kernels, so that what is enqueued is what
-// has been checked, and nothing fails half way through a frame that could have failed before.
+// What one frame launches, step by step. Adding a step checks it and builds its kernels, so that what is enqueued is
+// what has been checked, and nothing fails half way through a frame that could have failed before.
 #pragma once
 
 #include "pipeline/own_effect.hpp"

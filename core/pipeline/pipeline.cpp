@@ -281,7 +281,8 @@ void Pipeline::allocate() {
         subsurface_table_ = DeviceBuffer(context_, fractions.size() * sizeof(float), fractions.data());
         material_lookup_ = context_->kernel("stages/material.cl", "material_lookup");
     }
-    dark_ = LazyKernel("stages/aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
+    dark_ =
+        LazyKernel("stages/aperture.cl", "aperture_dark", "-DCOMPLEX_PUPIL=0 -DSHIFT=0 -DPIXEL_TAPS=0 -DACCUMULATE=0");
 }
 
 void Pipeline::keep_maps() {
@@ -372,10 +373,11 @@ void Pipeline::set_camera(const Effects &wanted, PixelMaps maps) {
     keep_maps();
     const auto check = [](const std::vector<float> &map, const KeptMap &own, const char *name) {
         if (!map.empty() && !own.values.empty() && !own.of_camera && map != own.values)
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("the sensor has a {0} already, and the camera has another one; make the sensor without "
-                                    "{0}, or set the camera without its maps",
-                                    name));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("the sensor has a {0} already, and the camera has another one; make the sensor without "
+                            "{0}, or set the camera without its maps",
+                            name));
     };
     check(maps.dark_frame_dn, dark_frame_, "dark_frame_dn");
     check(maps.gain_map, gain_map_, "gain_map");
@@ -387,8 +389,9 @@ void Pipeline::set_camera(const Effects &wanted, PixelMaps maps) {
 
 void Pipeline::set_own_effect(const std::string &id, OwnEffectPoint point, OwnEffectStep step) {
     if (point == OwnEffectPoint::kCodes && !stages_.sensor)
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("the effect \"{}\" acts on codes, but this pipeline has no sensor; make it with one", id));
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("the effect \"{}\" acts on codes, but this pipeline has no sensor; make it with one", id));
     const std::vector<OwnEffect> before = own_effects_;
     auto shared = std::make_shared<const OwnEffectStep>(std::move(step));
     own_effects_.erase(std::remove_if(own_effects_.begin(), own_effects_.end(),
@@ -415,8 +418,8 @@ void Pipeline::clear_effects() {
 }
 
 void Pipeline::clear_effect(const std::string &id) {
-    const auto own =
-        std::find_if(own_effects_.begin(), own_effects_.end(), [&](const OwnEffect &effect) { return effect.id == id; });
+    const auto own = std::find_if(own_effects_.begin(), own_effects_.end(),
+                                  [&](const OwnEffect &effect) { return effect.id == id; });
     if (own != own_effects_.end()) {
         own_effects_.erase(own);
         allocate();
@@ -756,9 +759,10 @@ void Pipeline::enqueue_frames(cl_command_queue queue, const Frame *frames, std::
     // Everything that can be checked is checked before the first command, so that a refused frame changes nothing.
     if (half_moved_ && count > 0) {
         if (frames[0].refresh != Refresh::kAll)
-            throw Error(Status::kInvalidState,
-                        "an earlier frame failed after it had begun to move surface, air or lag, so that a frame now would "
-                        "be neither the same nor the next; begin anew with a frame that refreshes all");
+            throw Error(
+                Status::kInvalidState,
+                "an earlier frame failed after it had begun to move surface, air or lag, so that a frame now would "
+                "be neither the same nor the next; begin anew with a frame that refreshes all");
         if (airflow_)
             airflow_->reset();
         if (lag_lost_ && stages_.sensor)

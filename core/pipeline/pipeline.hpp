@@ -83,9 +83,9 @@ class Pipeline {
     // Several at once, beside those that are on.
     using Effects = std::map<std::string, std::vector<double>>;
     void set_effects(const Effects &effects);
-    // The camera's own pixels: maps take the place of effects that they hold. Both are tightly packed; empty: none. They
-    // stay when effects go; another camera's, or none, take their place. Throws kInvalidArgument if the sensor has maps
-    // that are no camera's.
+    // The camera's own pixels: maps take the place of effects that they hold. Both are tightly packed; empty: none.
+    // They stay when effects go; another camera's, or none, take their place. Throws kInvalidArgument if the sensor has
+    // maps that are no camera's.
     struct PixelMaps {
         std::vector<float> dark_frame_dn, gain_map;
         std::vector<std::string> holds;

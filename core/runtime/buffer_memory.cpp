@@ -15,8 +15,8 @@ namespace {
 
 #if defined(__linux__)
 constexpr std::size_t kLargePage = std::size_t{2} << 20;
-// Buffers begin at different places of their large pages, one after the other: the same pixel of an image and of its phases
-// would share a cache's few sets otherwise. Three small pages and some cache lines apart.
+// Buffers begin at different places of their large pages, one after the other: the same pixel of an image and of its
+// phases would share a cache's few sets otherwise. Three small pages and some cache lines apart.
 constexpr std::size_t kStagger = 12544, kStaggers = 16;
 
 struct Free {

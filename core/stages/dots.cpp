@@ -132,11 +132,13 @@ Vector2 lattice_offset(const std::vector<double> &positions, GhostDirection dire
             Status::kInvalidArgument,
             "ghost_relative_intensity is not 0, but the dots are no lattice that says where the ghosts lie; give "
             "ghost_offset_x_px and ghost_offset_y_px, and set ghost_offset_given to 1");
-    if ((direction == GhostDirection::kRight && found[0].empty()) || (direction == GhostDirection::kDown && found[2].empty()))
-        throw Error(Status::kInvalidArgument,
-                    fmt::format("ghosts lie half way along the lattice's vector {}, but no dot has a neighbour there; take "
-                                "the other direction, or both",
-                                direction == GhostDirection::kRight ? "to the right" : "downwards"));
+    if ((direction == GhostDirection::kRight && found[0].empty()) ||
+        (direction == GhostDirection::kDown && found[2].empty()))
+        throw Error(
+            Status::kInvalidArgument,
+            fmt::format("ghosts lie half way along the lattice's vector {}, but no dot has a neighbour there; take "
+                        "the other direction, or both",
+                        direction == GhostDirection::kRight ? "to the right" : "downwards"));
     Vector2 offset{0.0, 0.0};
     for (std::size_t way = 0; way < 2; ++way)
         for (std::size_t axis = 0; axis < 2; ++axis)

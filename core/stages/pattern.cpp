@@ -51,7 +51,8 @@ AreaTable make_area_table(const std::vector<float> &texels, std::size_t width, s
 
 Pattern::Pattern(std::shared_ptr<Context> context, const PatternParameters &p)
     : context_(std::move(context)), projection_(p.projection), quantity_(p.quantity), filter_(p.filter),
-      filter_taps_(p.filter_taps), width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)), bad_pixels_(context_) {
+      filter_taps_(p.filter_taps), width_(static_cast<cl_int>(p.width)), height_(static_cast<cl_int>(p.height)),
+      bad_pixels_(context_) {
     if (p.width < 2 || p.height < 2 || p.width > kMaxImageSide || p.height > kMaxImageSide)
         throw Error(Status::kInvalidArgument,
                     fmt::format("the pattern is {} x {} texels (width x height); each side must be 2 to {}", p.width,

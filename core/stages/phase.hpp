@@ -108,7 +108,8 @@ class Phase {
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place
     BadPixelCounter bad_pixels_;
-    bool refreshes_in_lanes_ = false; // refresh_all_ is the one of kernels/stages/phase_refresh_lanes.cl, a work-item for each row
+    // refresh_all_ is the one of kernels/stages/phase_refresh_lanes.cl, a work-item for each row.
+    bool refreshes_in_lanes_ = false;
     cl::Kernel refresh_all_;
     LazyKernel refresh_masked_, export_;
     std::map<AdvanceVariant, AdvanceKernels> advance_;

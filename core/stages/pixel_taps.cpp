@@ -17,8 +17,8 @@ std::vector<double> pixel_taps(double fill_factor, std::uint32_t oversampling, d
         const double t = middle ? double(j) / oversampling : (j + 0.5) / oversampling;
         return (middle && j == 0 ? 1.0 : 2.0) * std::cos(2.0 * M_PI * f * t);
     };
-    // Normal equations on a fine grid of frequencies, a little damping where the band leaves weights undetermined, and a
-    // Lagrange multiplier for the exact sum.
+    // Normal equations on a fine grid of frequencies, a little damping where the band leaves weights undetermined, and
+    // a Lagrange multiplier for the exact sum.
     constexpr int kFrequencies = 256;
     Eigen::MatrixXd transfer(kFrequencies, unknowns);
     Eigen::VectorXd wanted(kFrequencies);
@@ -40,7 +40,8 @@ std::vector<double> pixel_taps(double fill_factor, std::uint32_t oversampling, d
     const Eigen::VectorXd half = system.fullPivLu().solve(right);
     std::vector<double> taps(count);
     for (std::uint32_t i = 0; i < count; ++i) {
-        const std::uint32_t distance = middle ? (i < pairs ? pairs - i : i - pairs) : (i < pairs ? pairs - 1 - i : i - pairs);
+        const std::uint32_t distance =
+            middle ? (i < pairs ? pairs - i : i - pairs) : (i < pairs ? pairs - 1 - i : i - pairs);
         taps[i] = half[distance];
     }
     return taps;

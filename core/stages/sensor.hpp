@@ -43,10 +43,11 @@ class Sensor {
     // To be followed by keep_frame().
     void enqueue_expose(CommandChain &chain, const ImageView &intensity, std::uint64_t frame_index,
                         const ImageView &output);
-    // All commands of a frame are enqueued: the next one has it before it. Without this, a frame is as if it had not been.
+    // All commands of a frame are enqueued: the next one has it before it. Without this, a frame is as if it had not
+    // been.
     void keep_frame();
-    // Whether each pixel's intensity alone makes its code, so that other kernels can include kernels/stages/sensor_lanes.h or
-    // stages/sensor_pixel.h.
+    // Whether each pixel's intensity alone makes its code, so that other kernels can include
+    // kernels/stages/sensor_lanes.h or stages/sensor_pixel.h.
     bool exposes_pixels() const { return parameters_.crosstalk_fraction == 0.0; }
     // The switches of stages/sensor_pixel.h.
     std::string pixel_options(Format output) const;

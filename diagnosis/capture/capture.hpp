@@ -1,4 +1,5 @@
-// A capture set: what a real camera recorded, sequence by sequence, and what is known of the camera (the capture-set format, version 1).
+// A capture set: what a real camera recorded, sequence by sequence, and what is known of the camera (the capture-set
+// format, version 1).
 #pragma once
 
 #include "stages/phase.hpp"
@@ -96,7 +97,8 @@ struct CaptureLayout {
     std::uint32_t image_height() const { return window ? window->image_height : height; }
     // Pixels from the optical axis to the farthest corner pixel's centre, of the image.
     double farthest_corner_px() const {
-        const double x = principal_point_px[0] + (window ? window->x : 0), y = principal_point_px[1] + (window ? window->y : 0);
+        const double x = principal_point_px[0] + (window ? window->x : 0),
+                     y = principal_point_px[1] + (window ? window->y : 0);
         return std::hypot(std::max(x, image_width() - 1.0 - x), std::max(y, image_height() - 1.0 - y));
     }
     // From the image's centre.

@@ -139,10 +139,10 @@ std::vector<CaptureAbility> capture_abilities(const CaptureLayout &layout,
     constexpr double kSeveralLevels = 1.5;
     const bool flats_tell = c.flat_exposures && c.flat_ratio >= kSeveralLevels;
     add("shot noise, gamma and full well", flats_tell || c.laser_ratio >= kSeveralLevels,
-        flats_tell
-            ? fmt::format("flat levels span a factor of {:.1f} and go as exposure_ms: their means show a bent response, "
-                          "their noise the photons'",
-                          c.flat_ratio)
+        flats_tell ? fmt::format(
+                         "flat levels span a factor of {:.1f} and go as exposure_ms: their means show a bent response, "
+                         "their noise the photons'",
+                         c.flat_ratio)
         : c.laser_ratio >= kSeveralLevels
             ? fmt::format("levels of one moving laser scene span a factor of {:.1f}: a bent response and a full well "
                           "change the law of speckle by the level, other causes do not; the variance follows the light",

@@ -25,8 +25,8 @@ struct CaptureOrigin {
     std::vector<std::string> files;      // by sequence; may be empty
 };
 
-// All throw clsp::Error: kInvalidArgument for what is said about the capture, kInvalidData for its codes. Fields are named by their JSON
-// pointer in capture.json, also where there is no file.
+// All throw clsp::Error: kInvalidArgument for what is said about the capture, kInvalidData for its codes. Fields are
+// named by their JSON pointer in capture.json, also where there is no file.
 
 // The camera, laser and dots; whether the sequences' names, layouts and total size are in order. Takes no codes.
 void validate_layout(const CaptureLayout &layout, const CaptureOrigin &origin = {});

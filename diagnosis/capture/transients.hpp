@@ -39,11 +39,10 @@ struct Transient {
 };
 
 // Of scenes at rest, of four frames and more. A code counts where it lies 8 deviations (of fewer than 8 frames 24) from
-// the mean of the pixel's other frames, and where the tail that the most deviant 1 % of pixels show (a normal law's) has
-// one as far away in less than 1e-6 of sequences. Deviations are those of the pixel's other frames, but no less than
-// those of other pixels at its level. Nothing where pixels that jump more than once may jump only once by chance
-// (telegraph noise).
-// mask: nullptr, or 0 where a pixel does not count; step_dn: that codes are apart at least.
+// the mean of the pixel's other frames, and where the tail that the most deviant 1 % of pixels show (a normal law's)
+// has one as far away in less than 1e-6 of sequences. Deviations are those of the pixel's other frames, but no less
+// than those of other pixels at its level. Nothing where pixels that jump more than once may jump only once by chance
+// (telegraph noise). mask: nullptr, or 0 where a pixel does not count; step_dn: that codes are apart at least.
 std::vector<Transient> find_transients(const PixelEnds &ends, const std::vector<std::uint32_t> &sums,
                                        const std::vector<std::uint64_t> &squares, std::uint32_t frames,
                                        const std::uint8_t *mask, std::uint32_t step_dn);

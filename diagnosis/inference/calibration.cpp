@@ -1,5 +1,5 @@
-// Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all replicates, and drawn from
-// frames of their own.
+// Levels at which simulated frames agree with the real ones in what is calibrated. They are the same for all
+// replicates, and drawn from frames of their own.
 #include "effects/effects.hpp"
 #include "inference/replicate_runner.hpp"
 
@@ -88,7 +88,8 @@ double converter_step_dn(const CaptureLayout &layout, const EffectSettings &effe
     return sensor.effective_bits ? std::exp2(double(layout.bits) - double(sensor.effective_bits)) : 1.0;
 }
 
-// Where a growing function is 0, by false position with Illinois' rule; the nearer end where that is not between the two.
+// Where a growing function is 0, by false position with Illinois' rule; the nearer end where that is not between the
+// two.
 template <typename Function> double root(double low, double high, double tolerance, const Function &function) {
     double below = function(low);
     if (below >= 0.0)
@@ -113,8 +114,8 @@ template <typename Function> double root(double low, double high, double toleran
     return at;
 }
 
-// How mean and variance of codes answer to level and variance of a Gaussian that the converter cuts off at 0: of no more
-// than a level far above its noise, each to its own alone.
+// How mean and variance of codes answer to level and variance of a Gaussian that the converter cuts off at 0: of no
+// more than a level far above its noise, each to its own alone.
 Eigen::Matrix2d clipped_response(double level, double deviation) {
     constexpr double kSqrtTwoPi = 2.5066282746310002;
     const double at =
@@ -373,11 +374,12 @@ SequenceLevel ReplicateRunner::calibrate_coarse_dark(Simulator &simulator, const
                                                      std::size_t sequence, double step_dn, CalibratedLevels &levels) {
     const double centre = shared_->real_levels[sequence].mean_dn;
     SequenceLevel level;
-    levels.black_level_dn = root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
-        levels.black_level_dn = black_level_dn;
-        level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
-        return level.mean_dn - centre;
-    });
+    levels.black_level_dn =
+        root(centre - step_dn, centre + step_dn, mean_tolerance_dn(sequence, step_dn), [&](double black_level_dn) {
+            levels.black_level_dn = black_level_dn;
+            level = simulated_level(simulator, effects, levels, sequence, kCalibrationSeed);
+            return level.mean_dn - centre;
+        });
     return level;
 }
 

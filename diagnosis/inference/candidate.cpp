@@ -17,7 +17,8 @@ constexpr double kDeviations95 = 1.96;
 
 // What the catalogue's ranges in DN are meant for.
 constexpr double kCatalogueBits = 10.0, kCatalogueReadNoiseDn = 4.0;
-constexpr double kRoundingDn = 0.28867513459481288; // 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
+// 1 / sqrt(12): no read noise that a data sheet says is less than a code's own
+constexpr double kRoundingDn = 0.28867513459481288;
 
 struct StrengthScale {
     double weak, strong;
@@ -87,7 +88,8 @@ double Candidate::difference(std::size_t parameter, double at, double sign) cons
     if (!p.whole)
         return at > 0.9 ? -kFit.difference : kFit.difference;
     const double here = value(parameter, at, sign);
-    const double one = (p.weak < p.strong ? 1.0 : -1.0) * (is_mirrored(sign, parameter, Direction::kSign) ? -1.0 : 1.0); // more of the effect
+    const double one = (p.weak < p.strong ? 1.0 : -1.0) *
+                       (is_mirrored(sign, parameter, Direction::kSign) ? -1.0 : 1.0); // more of the effect
     const double more = strength(parameter, here + one, sign) - at, less = strength(parameter, here - one, sign) - at;
     return at > 0.9 || more == 0.0 ? less : more;
 }
@@ -157,8 +159,9 @@ std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, con
     for (const std::string &id : without) {
         const auto found = std::find_if(result.begin(), result.end(), [&](const Candidate &c) { return c.id == id; });
         if (found == result.end())
-            throw Error(Status::kInvalidArgument,
-                        fmt::format("\"{}\" cannot be left out: there is no such effect; `clspeckle effects` lists them", id));
+            throw Error(
+                Status::kInvalidArgument,
+                fmt::format("\"{}\" cannot be left out: there is no such effect; `clspeckle effects` lists them", id));
         result.erase(found);
     }
     return result;

@@ -29,15 +29,16 @@ struct Candidate {
     // The strength of the value that a strength stands for: within the parameter's range, and of a whole number where
     // it is one.
     double snapped(std::size_t parameter, double strength, double sign = 1.0) const;
-    // A search moves it with the others from weak to strong: what the catalogue varies; of an effect of which it varies nothing,
-    // the first.
+    // A search moves it with the others from weak to strong: what the catalogue varies; of an effect of which it varies
+    // nothing, the first.
     bool is_varied(std::size_t parameter) const;
     // One of several forms of the effect, by their number: no fit goes from one to another, each is a candidate
     // (with_alternatives). Or one that was measured.
     bool is_choice(std::size_t parameter) const {
         return (parameters[parameter].whole || parameters[parameter].measured) && !is_varied(parameter);
     }
-    // A value far below the catalogue's weakest, of the first parameter that it varies, which says how strong an effect is.
+    // A value far below the catalogue's weakest, of the first parameter that it varies, which says how strong an effect
+    // is.
     bool is_slight(std::size_t parameter, double value) const;
     // The value that the catalogue has, of a parameter that it does not vary, in a direction.
     double usual(std::size_t parameter, double sign) const {
@@ -73,13 +74,14 @@ struct Candidate {
 
 // Throws kInvalidArgument for ids in `without` that neither the catalogue nor the hypotheses have.
 std::vector<Candidate> candidates(const std::vector<Hypothesis> &hypotheses, const std::vector<std::string> &without);
-// The catalogue's ranges are those of a converter of ten bits and 4 DN of read noise. On another camera levels go with the converter's range,
-// noise in DN with the data sheet's read noise (the dark frames' where that is more than twice it), and the converter's own bits with those
-// that are lost. A user's hypotheses stay as they are.
+// The catalogue's ranges are those of a converter of ten bits and 4 DN of read noise. On another camera levels go with
+// the converter's range, noise in DN with the data sheet's read noise (the dark frames' where that is more than twice
+// it), and the converter's own bits with those that are lost. A user's hypotheses stay as they are.
 void scale_to_camera(std::vector<Candidate> &candidates, const CaptureLayout &camera, double dark_noise_dn);
 // Parameters that quantities tell are those of the first sequence that does; an effect of which none does is not there.
 void hold_at_quantities(std::vector<Candidate> &candidates, const std::vector<Quantity> &quantities);
-// And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual value.
+// And again those that a fit cannot reach from where the catalogue has them, elsewhere: the same id, another usual
+// value.
 std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates);
 // An order of candidates that are all different.
 bool before(const Candidate &a, const Candidate &b);

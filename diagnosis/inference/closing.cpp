@@ -261,10 +261,9 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     Replicates replicates;
     // Effects that our simulator does not take at these values leave the scatter of the camera without them.
     if (!possible([&] {
-            replicates =
-                draw_differences(runner_, scattering, options_.camera.gain_dn, options_.model_replicates, options_.seed, [&](double part) {
-                    tell("drawing differences with " + label, from + (to - from) * part);
-                });
+            replicates = draw_differences(
+                runner_, scattering, options_.camera.gain_dn, options_.model_replicates, options_.seed,
+                [&](double part) { tell("drawing differences with " + label, from + (to - from) * part); });
         }))
         replicates = null_->replicates();
     for (FoldStatistics &draw : replicates.draws) {
@@ -377,7 +376,8 @@ ClosingResult Closing::run() {
 } // namespace
 
 Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, const std::vector<double> &gain_dn,
-                            std::uint32_t count, std::uint64_t seed, const std::function<void(double fraction)> &progress) {
+                            std::uint32_t count, std::uint64_t seed,
+                            const std::function<void(double fraction)> &progress) {
     const std::vector<bool> all(runner.layout().sequences.size(), true);
     Replicates result{effects, runner.calibrate(effects, all, nullptr), {}};
     result.levels.gain_dn = gain_dn;

@@ -34,7 +34,8 @@ struct KnownCamera {
 // Differences of two independent draws of our simulator with these effects: what real and simulated frames of one
 // camera differ by. gain_dn: as KnownCamera.
 Replicates draw_differences(ReplicateRunner &runner, const EffectSettings &effects, const std::vector<double> &gain_dn,
-                            std::uint32_t count, std::uint64_t seed, const std::function<void(double fraction)> &progress);
+                            std::uint32_t count, std::uint64_t seed,
+                            const std::function<void(double fraction)> &progress);
 
 // Effects on the simulated frames, fitted and tested.
 struct ClosedGap {

@@ -13,7 +13,8 @@ Covariance::Covariance(const Eigen::MatrixXd &replicates, const std::vector<std:
     mean_ = replicates.colwise().mean();
     const Eigen::MatrixXd centered = replicates.rowwise() - mean_.transpose();
     deviation_ = (centered.colwise().squaredNorm() / (n - 1.0)).cwiseSqrt().cwiseMax(least_deviation.transpose());
-    // Few replicates miss the tails of what is not Gaussian: a largest deviate beyond what n Gaussian ones show widens the scale.
+    // Few replicates miss the tails of what is not Gaussian: a largest deviate beyond what n Gaussian ones show widens
+    // the scale.
     const double expected = std::sqrt(2.0 * std::log(n)) + 0.8;
     for (Eigen::Index k = 0; k < deviation_.size(); ++k) {
         const double largest = centered.col(k).cwiseAbs().maxCoeff() / deviation_[k];

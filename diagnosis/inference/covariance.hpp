@@ -8,16 +8,17 @@
 
 namespace clsp {
 
-// Statistics of different sequences are independent given the calibration, so the covariance is one block a sequence. Each block's correlation
-// matrix is shrunk towards the unit matrix by the weight that minimizes the expected squared error (Schaefer and Strimmer 2005), since
-// there are about as many statistics as replicates.
+// Statistics of different sequences are independent given the calibration, so the covariance is one block a sequence.
+// Each block's correlation matrix is shrunk towards the unit matrix by the weight that minimizes the expected squared
+// error (Schaefer and Strimmer 2005), since there are about as many statistics as replicates.
 class Covariance {
   public:
     Covariance() = default;
-    // rows: replicates; blocks: begins of the blocks and the count of statistics. least_deviation: floor of each standard deviation.
-    // tolerance: standard deviation of the model's own error in each statistic, independent of each other, added to what replicates show.
-    Covariance(const Eigen::MatrixXd &replicates, const std::vector<std::size_t> &blocks, const Eigen::VectorXd &least_deviation,
-               const Eigen::VectorXd &tolerance);
+    // rows: replicates; blocks: begins of the blocks and the count of statistics. least_deviation: floor of each
+    // standard deviation. tolerance: standard deviation of the model's own error in each statistic, independent of each
+    // other, added to what replicates show.
+    Covariance(const Eigen::MatrixXd &replicates, const std::vector<std::size_t> &blocks,
+               const Eigen::VectorXd &least_deviation, const Eigen::VectorXd &tolerance);
 
     const Eigen::VectorXd &mean() const { return mean_; }
     const Eigen::VectorXd &deviation() const { return deviation_; }

@@ -253,7 +253,8 @@ Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const 
             add_photon_readings(list, change, result);
             break;
         case OpenReading::kWhatMoves:
-            add_position_readings(list, effect.parameters.front(), value, jacobian.col(static_cast<Eigen::Index>(p)), result);
+            add_position_readings(list, effect.parameters.front(), value, jacobian.col(static_cast<Eigen::Index>(p)),
+                                  result);
             break;
         }
     }

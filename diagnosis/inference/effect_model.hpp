@@ -46,7 +46,8 @@ struct EffectModel {
         for (Strength &s : strengths)
             s.held = held;
     }
-    // How unlikely an effect's parameters are beside what the catalogue has: -2 ln of a probability, 0 within its range.
+    // How unlikely an effect's parameters are beside what the catalogue has: -2 ln of a probability, 0 within its
+    // range.
     double unlikelihood(std::size_t effect) const;
     // Of each strength from that of a model of the same effects.
     Eigen::VectorXd distance_from(const EffectModel &other) const;
@@ -64,8 +65,8 @@ inline bool is_at(double strength, double end) {
 
 // Moves a strength as far as a finite difference needs, the other way where its range ends; how far that is.
 double move_one(EffectModel &model, Eigen::Index strength, double part = 1.0);
-// No step leads further down where an effect, below the catalogue's range, shows no more; which ones would have. columns:
-// whitened slopes of the strengths.
+// No step leads further down where an effect, below the catalogue's range, shows no more; which ones would have.
+// columns: whitened slopes of the strengths.
 std::vector<Eigen::Index> stop_where_nothing_shows(const std::vector<Strength> &strengths,
                                                    const Eigen::MatrixXd &columns, Eigen::VectorXd &step);
 // A step of strengths, each bounded; the largest one.
@@ -95,10 +96,10 @@ Eigen::VectorXd strength_deviations(const GapModel &model, const Eigen::MatrixXd
 // By how much statistics may differ between two ways of reading the effects' definitions. A part of the frame before
 // remains in a lagging frame: of its light alone, or of what it was read as, with what had remained in it. Neighbouring
 // frames are correlated by f (1 - f) / (1 - 2 f + 2 f^2) or by f, which differ by less than f^2, frames two apart not
-// at all or by f^2; and the first frame had one before it, which nobody recorded, or none. And distortion may be that of
-// the camera's lens, which stretches dots as it moves them, or that of the projector's, which leaves them as they are.
-// Photon noise may be Poisson's or Gaussian, whose third moment is 0.
-// change: of the mean statistics by the effects; jacobian: by a unit of each of the strengths, `columns`.
+// at all or by f^2; and the first frame had one before it, which nobody recorded, or none. And distortion may be that
+// of the camera's lens, which stretches dots as it moves them, or that of the projector's, which leaves them as they
+// are. Photon noise may be Poisson's or Gaussian, whose third moment is 0. change: of the mean statistics by the
+// effects; jacobian: by a unit of each of the strengths, `columns`.
 Eigen::VectorXd reading_tolerance(const std::vector<StatisticInfo> &list, const CaptureLayout &layout,
                                   const EffectSettings &effects, const std::vector<Strength> &columns,
                                   const Eigen::VectorXd &change, const Eigen::MatrixXd &jacobian);

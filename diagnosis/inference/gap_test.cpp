@@ -23,8 +23,8 @@ double excess_distance(double mean_square, double expected) { return std::sqrt(s
 } // namespace
 
 Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const std::vector<FoldStatistics> &draws) {
-    // A statistic that is the same in all replicates (a count of what never happens) may take another value by chance about once in as
-    // many captures; a quarter of its unit keeps that from being a certainty.
+    // A statistic that is the same in all replicates (a count of what never happens) may take another value by chance
+    // about once in as many captures; a quarter of its unit keeps that from being a certainty.
     const Eigen::Index count = draws.front().first.size();
     Eigen::VectorXd result(count);
     for (Eigen::Index k = 0; k < count; ++k) {
@@ -33,7 +33,8 @@ Eigen::VectorXd least_deviations(const std::vector<StatisticInfo> &list, const s
             return std::abs(draw.first[k] - value) <= 1e-9 * (1.0 + std::abs(value)) &&
                    std::abs(draw.second[k] - value) <= 1e-9 * (1.0 + std::abs(value));
         });
-        result[k] = std::max(list[static_cast<std::size_t>(k)].least_deviation, constant ? 0.25 : 1e-9 * (1.0 + std::abs(value)));
+        result[k] = std::max(list[static_cast<std::size_t>(k)].least_deviation,
+                             constant ? 0.25 : 1e-9 * (1.0 + std::abs(value)));
     }
     return result;
 }
@@ -85,7 +86,8 @@ GapModel::GapModel(const ReplicateRunner &runner, Replicates replicates, double 
 }
 
 Eigen::VectorXd GapModel::least_of_part(const Eigen::VectorXd &least) const {
-    const Eigen::VectorXd spread = (full_.deviation().cwiseAbs2() - full_.tolerance().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    const Eigen::VectorXd spread =
+        (full_.deviation().cwiseAbs2() - full_.tolerance().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
     return least.cwiseMax(kModelError.rare * spread);
 }
 
@@ -122,7 +124,8 @@ Eigen::MatrixXd GapModel::strays(const ReplicateRunner &runner, Fit fit) const {
         const Covariance covariance(others, blocks_of(runner), least, full_.tolerance());
         for (Eigen::Index r = begin; r < end; ++r) {
             const FoldStatistics &draw = draws[static_cast<std::size_t>(r)];
-            result.row(r) = coefficients(covariance, fit == Fit::kBoth ? draw.mean() - full_.mean() : draw.first - first_mean_);
+            result.row(r) =
+                coefficients(covariance, fit == Fit::kBoth ? draw.mean() - full_.mean() : draw.first - first_mean_);
         }
     }
     return result;
@@ -138,7 +141,8 @@ Eigen::RowVectorXd GapModel::block_squares(const Eigen::VectorXd &whitened) cons
     Eigen::RowVectorXd result(static_cast<Eigen::Index>(blocks_.size() - 1));
     for (std::size_t b = 0; b + 1 < blocks_.size(); ++b)
         result[static_cast<Eigen::Index>(b)] =
-            whitened.segment(static_cast<Eigen::Index>(blocks_[b]), static_cast<Eigen::Index>(blocks_[b + 1] - blocks_[b]))
+            whitened
+                .segment(static_cast<Eigen::Index>(blocks_[b]), static_cast<Eigen::Index>(blocks_[b + 1] - blocks_[b]))
                 .squaredNorm();
     return result;
 }
@@ -170,7 +174,8 @@ GapTest GapModel::test(const FoldStatistics &statistics, const std::vector<bool>
     }
     double square = 0.0;
     for (const Covariance &part : part_)
-        square += 0.5 * block_squares(part.whiten(projected(values - part.mean()))).dot(tested) / static_cast<double>(count);
+        square +=
+            0.5 * block_squares(part.whiten(projected(values - part.mean()))).dot(tested) / static_cast<double>(count);
     const Eigen::VectorXd reference = reference_ * tested / static_cast<double>(count);
     const double mean = reference.mean();
     const double variance = (reference.array() - mean).square().sum() / (n - 1.0);

@@ -21,7 +21,8 @@ struct Replicates {
 struct GapTest {
     bool detected = false;
     double p_value = 1.0;
-    double distance = 0.0; // root of the mean squared whitened difference beyond what chance gives, see excess_distance()
+    // Root of the mean squared whitened difference beyond what chance gives, see excess_distance().
+    double distance = 0.0;
     double null_95 = 0.0;  // what chance alone exceeds once in twenty times
     Eigen::VectorXd z;          // of each statistic
     Eigen::VectorXd p_adjusted; // Holm: of each statistic, over all statistics
@@ -30,9 +31,9 @@ struct GapTest {
 class GapModel {
   public:
     GapModel() = default;
-    // At least 8 replicates. directions: changes of the mean statistics per unit of each fitted parameter (no columns: none were); what
-    // lies along them is no gap. tolerance: standard deviation of the model's own error in each statistic. spared: of
-    // what fits do not go by, and the test does; empty: nothing is.
+    // At least 8 replicates. directions: changes of the mean statistics per unit of each fitted parameter (no columns:
+    // none were); what lies along them is no gap. tolerance: standard deviation of the model's own error in each
+    // statistic. spared: of what fits do not go by, and the test does; empty: nothing is.
     GapModel(const ReplicateRunner &runner, Replicates replicates, double level, Eigen::MatrixXd directions,
              const Eigen::VectorXd &tolerance, const Eigen::VectorXd &spared = {});
 
@@ -50,8 +51,9 @@ class GapModel {
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 
-    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference from the mean, by a
-    // covariance of replicates that it is not among: how far a fit strays by chance. One row a replicate.
+    // The coefficients that a fit of both halves of the frames, or of the first, finds in each replicate's difference
+    // from the mean, by a covariance of replicates that it is not among: how far a fit strays by chance. One row a
+    // replicate.
     enum class Fit { kBoth, kFirst };
     Eigen::MatrixXd strays(const ReplicateRunner &runner, Fit fit) const;
 
@@ -74,8 +76,8 @@ class GapModel {
     Eigen::VectorXd first_mean_, second_mean_;
 };
 
-// Of the whole capture, by the replicates of two models that differ little but in their means: of many statistics and few
-// replicates, what two covariances differ by is chance.
+// Of the whole capture, by the replicates of two models that differ little but in their means: of many statistics and
+// few replicates, what two covariances differ by is chance.
 Covariance common_covariance(const ReplicateRunner &runner, const GapModel &first, const GapModel &second);
 
 // Standard deviations below which no statistic is trusted.

@@ -30,8 +30,8 @@ struct LampDrift {
 struct LabLights {
     std::vector<LabLight> lights;
     std::vector<LampDrift> drifts; // of flats where it is certain
-    // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them. 0 where it is no
-    // more than two lights may share by themselves.
+    // The fall-off that lamp and laser share, and that is centred: the lens's. It is in neither of them. 0 where it is
+    // no more than two lights may share by themselves.
     double shared_corner_loss = 0.0;
     // Standard deviation of the lens's own about that: lights that are brightest on the axis share a fall-off, too. A
     // light may have as much of it as is seen of its unevenness; no capture tells. The evener light counts.
@@ -42,9 +42,9 @@ struct LabLights {
     bool lens_or_light = false;
 };
 
-// From the mean frames above the dark ones. The fall-off of both kinds of light is one lens's as long as it agrees; else
-// what is less. A slope is the camera's only where both are certain and alike. A slope, or what is left of the fall-off, counts where chance makes as much once in 1e4 times; rows and
-// columns of pixels may differ.
+// From the mean frames above the dark ones. The fall-off of both kinds of light is one lens's as long as it agrees;
+// else what is less. A slope is the camera's only where both are certain and alike. A slope, or what is left of the
+// fall-off, counts where chance makes as much once in 1e4 times; rows and columns of pixels may differ.
 LabLights measure_lab_lights(const Capture &capture);
 // Without what would be calibrated: the numbers stay.
 void leave_uncalibrated(LabLights &found);

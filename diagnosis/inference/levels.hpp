@@ -26,9 +26,9 @@ struct ReadNoiseComparison {
 // Multiplies the light above the black level of the brighter one of each lit pair, and adds what read noise that takes
 // away; the other's scale is made to end where the multiplied one's does. Adds read noise to simulated frames that have
 // less than the camera's. Levels stay as they are where the read noise is too small to stand in for the codes that a
-// multiplication leaves out, and where same_light says that only chance makes them differ; statistics are relative to the
-// light all the same. Pairs without light in either set are
-// dropped, with a note. seed: of the noise. Throws kInvalidData where nothing is left.
+// multiplication leaves out, and where same_light says that only chance makes them differ; statistics are relative to
+// the light all the same. Pairs without light in either set are dropped, with a note. seed: of the noise. Throws
+// kInvalidData where nothing is left.
 ReadNoiseComparison level_captures(PairedCaptures &captures, const CameraLevels &real, const CameraLevels &sim,
                                    bool same_light, std::uint64_t seed);
 

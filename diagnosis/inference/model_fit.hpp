@@ -46,7 +46,8 @@ struct FittedModel {
     double score = 0.0;            // held-out squared distance plus log determinant; smaller is better
 };
 
-// Of each strength of `model` that a fitted one has, too, the changes by it. held: only of held ones, which stand there.
+// Of each strength of `model` that a fitted one has, too, the changes by it. held: only of held ones, which stand
+// there.
 std::vector<Eigen::VectorXd> known_changes(const FittedModel &fitted, const EffectModel &of_fitted,
                                            const EffectModel &model, bool held = false);
 
@@ -135,8 +136,8 @@ class ModelFit {
     double square_by(const Covariance &covariance, const FittedModel &fitted) const;
     // By how much the capture's squared distance is less, by one covariance of both models.
     double gain_by_common(const FittedModel &before, const FittedModel &after) const;
-    // The larger of that and of what the scores differ by. By scores each model has a covariance of its own: of large gaps
-    // these differ by more than an effect explains.
+    // The larger of that and of what the scores differ by. By scores each model has a covariance of its own: of large
+    // gaps these differ by more than an effect explains.
     double gain_over(const FittedModel &before, const FittedModel &after) const;
     // What was asked for beside the baseline's (ReplicateRunner::work). No search goes on for ever: after so much of it
     // no step begins, and what is not explained by then is unknown.

@@ -36,7 +36,8 @@ struct CalibratedLevels {
     std::vector<double> signal_share;
     // How far one simulated camera is from these, where the capture does not tell them.
     double black_level_error_dn = 0.0, read_noise_ratio = 1.0;
-    // By sequence, where the camera's gains are known: speckle gives each draw another mean. Empty: each has the real one.
+    // By sequence, where the camera's gains are known: speckle gives each draw another mean. Empty: each has the real
+    // one.
     std::vector<double> gain_dn = {};
 };
 

@@ -19,10 +19,10 @@ struct Thresholds {
         double weakest = -0.8;
         // strength | the same, where equal steps are equal ratios: the effect fades and does not turn; a fit goes so
         // far down only where the effect shows |
-        // tests/diagnosis/inference/test_attribution.cpp AnEffectFadesBelowTheCatalogue
+        // tests/diagnosis/run/test_diagnose.cpp AnEffectFadesBelowTheCatalogue
         double faintest = -3.0;
         // deviations a strength | below the first of these two, an effect that changes less goes no further down |
-        // tests/diagnosis/inference/test_attribution.cpp AnEffectFadesBelowTheCatalogue
+        // tests/diagnosis/run/test_diagnose.cpp AnEffectFadesBelowTheCatalogue
         double least_slope = 2.0;
         // strength | simulated strengths that are nearer to each other tell no power law to go by below them |
         // tests/diagnosis/inference/test_attribution.cpp FadesByThePowerLawOfItsWeakest
@@ -101,7 +101,7 @@ struct Thresholds {
         // squared distance | and only those that promise this at least | work
         double least_promise = 4.0;
         // squared distance of a statistic | a gap beyond is large: effects bend on their way |
-        // tests/diagnosis/inference/test_attribution.cpp LargeGapsAreExplainedPartByPart
+        // tests/diagnosis/run/test_diagnose.cpp LargeGapsAreExplainedPartByPart
         double large = 200.0;
         // part of the gap | of a large one: where no effect promises more, all are screened at two strengths |
         // tests/diagnosis/run/test_search.py test_what_bends_is_screened_along_lines
@@ -117,8 +117,8 @@ struct Thresholds {
 
     // Whether an effect is added.
     struct Growth {
-        // -2 ln likelihood ratio | an effect that gains less is worth no parameter | docs/results/gap-check.md False alarms
-        // by number of frames
+        // -2 ln likelihood ratio | an effect that gains less is worth no parameter | docs/results/gap-check.md False
+        // alarms by number of frames
         double least_gain = 14.0;
         // part of what is left | while some is left, an effect that explains less is none | docs/results/gap-check.md
         // Effects outside the catalogue
@@ -157,11 +157,11 @@ struct Thresholds {
         double far = 0.15;
         // strength | a linear step is trusted so far | tests/diagnosis/inference/test_swap.cpp
         double largest_step = 0.4;
-        // strength | finite difference of a slope | tests/diagnosis/inference/test_attribution.cpp
+        // strength | finite difference of a slope | tests/diagnosis/run/test_diagnose.cpp
         // NamesTheEffectAndItsParameter
         double difference = 0.15;
         // part of it | with less room the difference goes the other way |
-        // tests/diagnosis/inference/test_attribution.cpp AValueNearTheEndOfItsRangeHasAnInterval
+        // tests/diagnosis/run/test_diagnose.cpp AValueNearTheEndOfItsRangeHasAnInterval
         double least_difference = 0.5;
         // deviations | a whole unit of strength that moves statistics less says nothing |
         // tests/diagnosis/inference/test_parameters.cpp OfWhichTheCaptureSaysNothing
@@ -294,10 +294,10 @@ struct Thresholds {
         double most_square = 9.0;
         // DN | that is simulated | tests/diagnosis/run/test_cameras.py
         double least_read_noise = 0.05;
-        // DN | deviation of a data sheet's black level | tests/diagnosis/inference/test_attribution.cpp
+        // DN | deviation of a data sheet's black level | tests/diagnosis/run/test_diagnose.cpp
         // WithoutDarkFramesADataSheetIsNoCertainty
         double sheet_black_level = 2.0;
-        // part | deviation of a data sheet's read noise | tests/diagnosis/inference/test_attribution.cpp
+        // part | deviation of a data sheet's read noise | tests/diagnosis/run/test_diagnose.cpp
         // WithoutDarkFramesADataSheetIsNoCertainty
         double sheet_read_noise = 0.1;
         // captures | tell the sampling error of a coarse variance | work
@@ -335,8 +335,8 @@ struct Thresholds {
         // probability | a rival that is as probable is equivalent | tests/diagnosis/measure/test_verdict.cpp
         // EqualRivalsAreEquivalent
         double least_probability = 0.05;
-        // deviations | statistics that an effect moves by more are its own; one without any is not named beside others |
-        // tests/diagnosis/measure/test_verdict.cpp BySignificantDeviationsAlone
+        // deviations | statistics that an effect moves by more are its own; one without any is not named beside others
+        // | tests/diagnosis/measure/test_verdict.cpp BySignificantDeviationsAlone
         double own_statistics = 4.0;
         // mean square of z | beside an unknown cause an effect counts if its own statistics have less left |
         // tests/diagnosis/measure/test_verdict.cpp ByTheStatisticsThatAnEffectMoves
@@ -345,17 +345,17 @@ struct Thresholds {
         // tests/diagnosis/measure/test_verdict.cpp ACauseThatAKnownEffectImitatesLiesWhereThatDoes
         double imitation = 0.5;
         // DN | a lit sequence with less has no level to be simulated at |
-        // tests/diagnosis/inference/test_attribution.cpp NamesNothingThatCannotShow
+        // tests/diagnosis/run/test_diagnose.cpp NamesNothingThatCannotShow
         double least_light_dn = 0.5;
         // pixels | of the common random numbers of a fit; smaller captures take more seeds |
-        // tests/diagnosis/inference/test_attribution.cpp SmallCapturesAreFittedByMoreRandomNumbers
+        // tests/diagnosis/run/test_diagnose.cpp SmallCapturesAreFittedByMoreRandomNumbers
         double usual_pixels = 2.0 * 40 * 192 * 160;
-        // captures | of common random numbers | tests/diagnosis/inference/test_attribution.cpp
+        // captures | of common random numbers | tests/diagnosis/run/test_diagnose.cpp
         // SmallCapturesAreFittedByMoreRandomNumbers
         double least_seeds = 2.0;
         // captures | of common random numbers | work
         double most_seeds = 12.0;
-        // pixels | a sequence whose mask leaves fewer is not judged | tests/diagnosis/inference/test_attribution.cpp
+        // pixels | a sequence whose mask leaves fewer is not judged | tests/diagnosis/run/test_diagnose.cpp
         // NamesNothingThatCannotShow
         int least_pixels = 64;
     } naming;

@@ -58,9 +58,10 @@ std::string key_of(const Measurable &what, std::size_t parts) {
             names.insert(has_sequence ? key_of(m, std::clamp<std::size_t>(parts, 1, 3)) : m.name);
     checks.refuse(
         fmt::format("/{}/{}", section, tolerance.key),
-        fmt::format("is for something that the camera's frames do not tell; expected NAME or SEQUENCE/NAME{}. There {}: {}",
-                    tolerance.of_statistic ? " or SEQUENCE/NAME/REGION" : "", names.empty() ? "is nothing" : "are",
-                    fmt::join(names, ", ")));
+        fmt::format(
+            "is for something that the camera's frames do not tell; expected NAME or SEQUENCE/NAME{}. There {}: {}",
+            tolerance.of_statistic ? " or SEQUENCE/NAME/REGION" : "", names.empty() ? "is nothing" : "are",
+            fmt::join(names, ", ")));
 }
 
 } // namespace
@@ -126,7 +127,8 @@ std::vector<AcceptanceRow> acceptance_rows(const Tolerances &tolerances, const s
                 checks.refuse(fmt::format("/{}/{}", kSections[tolerance.of_statistic], tolerance.key),
                               fmt::format("is in \"{}\"; expected \"{}\", or \"%\" of the camera's value",
                                           tolerance.unit, what.unit));
-            const AcceptanceRow row{what, relative ? 0.01 * tolerance.limit * std::abs(what.real) : tolerance.limit, {}};
+            const AcceptanceRow row{
+                what, relative ? 0.01 * tolerance.limit * std::abs(what.real) : tolerance.limit, {}};
             const auto same = std::find_if(rows.begin(), rows.end(), [&](const AcceptanceRow &other) {
                 return other.of.is_statistic == what.is_statistic && other.of.index == what.index;
             });

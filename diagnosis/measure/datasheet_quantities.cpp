@@ -108,7 +108,8 @@ using MeasuredVersions = std::vector<std::vector<CaptureQuantities>>;
 
 std::vector<DatasheetQuantity> of_sequences(const CaptureLayout &layout, const MeasuredVersions &measured) {
     std::vector<DatasheetQuantity> result;
-    const auto add = [&](const std::string &sequence, const char *name, const char *unit, const auto &value_of_capture) {
+    const auto add = [&](const std::string &sequence, const char *name, const char *unit,
+                         const auto &value_of_capture) {
         DatasheetQuantity quantity{sequence, name, unit, {}};
         for (const std::vector<CaptureQuantities> &version : measured) {
             std::vector<double> values;

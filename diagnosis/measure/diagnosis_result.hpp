@@ -122,8 +122,8 @@ struct DiagnosisResult {
     std::shared_ptr<const CameraProfile> profile; // null of a comparison
     std::shared_ptr<const Comparison> comparison; // of two captures, see compare(); null of a diagnosis
     std::vector<std::string> notes; // what could not be judged, and why
-    // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer, effects that cannot
-    // show in them.
+    // The verdict's reach: sequences that were judged and those that were not, questions that the former cannot answer,
+    // effects that cannot show in them.
     std::vector<std::string> judged, left_out, untested_topics, untested_effects;
     // Every sequence with light was left out: the verdict is about dark frames, and speaks of no light.
     bool no_light_judged = false;

@@ -60,7 +60,8 @@ Evidence collect_evidence(ReplicateRunner &runner, const Capture &real, const Fi
                           const FittedModel *final, std::uint64_t seed = 0);
 
 // The same of frames from anywhere: real (0), simulated (1) and, with three versions, simulated with effects (2).
-using EvidenceFrames = std::function<std::vector<std::uint16_t>(std::size_t version, std::size_t sequence, std::uint32_t frame_count)>;
+using EvidenceFrames =
+    std::function<std::vector<std::uint16_t>(std::size_t version, std::size_t sequence, std::uint32_t frame_count)>;
 Evidence collect_evidence(ReplicateRunner &runner, std::size_t version_count, const EvidenceFrames &frames_of);
 
 // The frames of one version that are shown. Simulated ones are new draws, apart from those of any fit.

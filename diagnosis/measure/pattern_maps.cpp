@@ -244,11 +244,12 @@ std::optional<PatternMap> told(PatternMap map, const std::vector<std::uint8_t> &
     const double deviation = std::sqrt(std::max(0.0, squares / std::max(1.0, count) - mean * mean));
     if (deviation > 0.0 && deviation >= map.standard_error)
         return map;
-    notes.push_back(deviation > 0.0 ? fmt::format("no {} map: its noise, {:.3g}{}, is larger than its pattern, {:.3g}{}; "
-                                                  "record more frames{}",
-                                                  name, map.standard_error, unit, deviation, unit,
-                                                  *unit ? "" : ", or with more light")
-                                    : fmt::format("no {} map: the frames show no pattern beyond their noise", name));
+    notes.push_back(deviation > 0.0
+                        ? fmt::format("no {} map: its noise, {:.3g}{}, is larger than its pattern, {:.3g}{}; "
+                                      "record more frames{}",
+                                      name, map.standard_error, unit, deviation, unit,
+                                      *unit ? "" : ", or with more light")
+                        : fmt::format("no {} map: the frames show no pattern beyond their noise", name));
     return {};
 }
 
@@ -407,7 +408,8 @@ class Measurement {
             gains[i] = counts[i] ? gains[i] / weights[i] : 1.0;
         }
         if (std::none_of(counts.begin(), counts.end(), [](std::uint8_t c) { return c; })) {
-            notes.push_back("no gain map: no pixel counts in both a dark sequence and a flat; let their masks share some");
+            notes.push_back(
+                "no gain map: no pixel counts in both a dark sequence and a flat; let their masks share some");
             return {};
         }
         PatternMap map = map_of(flats);

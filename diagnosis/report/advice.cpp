@@ -7,7 +7,9 @@
 namespace clsp {
 
 std::vector<Advice> advice_for(const std::vector<std::string> &equivalent) {
-    const auto has = [&](const char *id) { return std::find(equivalent.begin(), equivalent.end(), id) != equivalent.end(); };
+    const auto has = [&](const char *id) {
+        return std::find(equivalent.begin(), equivalent.end(), id) != equivalent.end();
+    };
     std::vector<Advice> result;
     for (const Effect &effect : effect_catalogue())
         for (const ConfusableEffect &other : effect.confusable_effects)

@@ -14,7 +14,8 @@ namespace {
 std::string with_deviation(const QuantityMean &value, double scatter) {
     if (!std::isfinite(value.mean))
         return "–";
-    return std::isfinite(value.deviation) ? with_uncertainty(value.mean, value.deviation) : rounded(value.mean, scatter);
+    return std::isfinite(value.deviation) ? with_uncertainty(value.mean, value.deviation)
+                                          : rounded(value.mean, scatter);
 }
 
 // Beyond twice what simulated captures scatter by, or scatter and difference are not known.
@@ -45,12 +46,13 @@ void write_photon_transfer(const std::vector<PhotonTransfer> &versions, HtmlPage
         }
     }
     const PhotonTransfer &real = versions.front();
-    page.plot(curve_figure(plot),
-              fmt::format(
-                  "Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
-                  "line, whose slope is the system gain: real {} DN per electron, by {} of {} points (those up to "
-                  "70 % of the full signal).",
-                  with_uncertainty(real.gain_dn_per_electron, real.gain_error), real.fitted_points, real.points.size()));
+    page.plot(
+        curve_figure(plot),
+        fmt::format("Variance over time against signal, dark and flat sequences. Photon noise makes it a straight "
+                    "line, whose slope is the system gain: real {} DN per electron, by {} of {} points (those up to "
+                    "70 % of the full signal).",
+                    with_uncertainty(real.gain_dn_per_electron, real.gain_error), real.fitted_points,
+                    real.points.size()));
 }
 
 // Bias and scatter of each version.
@@ -103,9 +105,10 @@ void write_acceptance(const DiagnosisResult &result, HtmlPage &page) {
                          explain_unit(of.unit), figure(of.real), "± " + figure(row.tolerance)});
         for (const JudgedDifference &judged : row.versions) {
             table.back().push_back(figure(judged.difference));
-            table.back().push_back(std::isfinite(judged.interval_95[0])
-                                       ? fmt::format("{} to {}", figure(judged.interval_95[0]), figure(judged.interval_95[1]))
-                                       : "–");
+            table.back().push_back(
+                std::isfinite(judged.interval_95[0])
+                    ? fmt::format("{} to {}", figure(judged.interval_95[0]), figure(judged.interval_95[1]))
+                    : "–");
             table.back().emplace_back(acceptance_name(judged.acceptance));
         }
     }
@@ -122,8 +125,7 @@ void write_datasheet(const DiagnosisResult &result, HtmlPage &page) {
     page.heading(2, "Measured in a data sheet's units");
     page.paragraph(fmt::format(
         "The same quantities of the camera's frames and of the simulator's{}. They are for the reader; the verdict "
-        "goes by "
-        "the statistics above, which have narrow laws.",
+        "goes by the statistics above, which have narrow laws.",
         datasheet.simulated_captures > 1
             ? fmt::format(" (mean and standard deviation of {} simulated captures)", datasheet.simulated_captures)
             : std::string()));

@@ -28,7 +28,8 @@ constexpr Words kStatistics[] = {
     {"repeated_frames", "how alike the most alike frames are; a repeated frame makes it large"},
     {"codes_multiple_of_",
      "share of codes that are multiples of this number, beyond what evenly used codes would give"},
-    {"codes_multiple_of_4_plus_1", "share of codes that are one above a multiple of 4, beyond what evenly used codes would give"},
+    {"codes_multiple_of_4_plus_1",
+     "share of codes that are one above a multiple of 4, beyond what evenly used codes would give"},
     {"histogram_roughness", "raggedness of the histogram of codes: missing or preferred codes"},
     {"share_above_", "share of the pixels that are brighter than about this percentage of the full scale"},
     {"bright_end", "how bright the brightest pixels are: clipping lowers it"},
@@ -111,7 +112,8 @@ constexpr Words kStatistics[] = {
 constexpr Words kQuantities[] = {
     {"dark_offset", "mean code in the dark"},
     {"mean_signal", "mean above the black level"},
-    {"temporal_noise", "standard deviation of a pixel over time; rows, columns and whole frames taken out, defects capped"},
+    {"temporal_noise",
+     "standard deviation of a pixel over time; rows, columns and whole frames taken out, defects capped"},
     {"row_noise", "row offsets that are new in each frame"},
     {"column_noise", "column offsets that are new in each frame"},
     {"frame_mean_deviation", "how whole frames differ in brightness"},
@@ -128,8 +130,9 @@ constexpr Words kQuantities[] = {
     {"photo_response_nonuniformity", "PRNU of EMVA 1288: what pixels differ by in the light beyond the dark"},
     {"corner_loss", "how much darker the corners are than the axis"},
     {"contrast", "speckle contrast: standard deviation over mean, read noise taken out"},
-    {"intensity_skewness", "lopsidedness of the speckle's brightness: 2 for fully developed speckle, less where several "
-                           "patterns add"},
+    {"intensity_skewness",
+     "lopsidedness of the speckle's brightness: 2 for fully developed speckle, less where several "
+     "patterns add"},
     {"grain_width_x", "full width at half maximum of the grains' autocorrelation, to the sides"},
     {"grain_width_y", "the same, up and down"},
     {"dot_width_x", "standard deviation of the dots, to the sides"},
@@ -139,8 +142,10 @@ constexpr Words kQuantities[] = {
     {"dot_magnification", "dots farther out, in proportion to their distance from the axis"},
     {"dot_cubic_displacement", "dots farther out in the corner, with the cube of the distance"},
     {"light_between_dots", "light far from all dots, over that of a dot's core"},
-    {"light_on_axis", "light of a spot of a dot's width on the axis, beyond that between dots, over a dot's core: undiffracted light, or a dot that lies there"},
-    {"code_width_wave", "how much the widths of codes differ in turn, in codes, if they do (differential nonlinearity)"},
+    {"light_on_axis", "light of a spot of a dot's width on the axis, beyond that between dots, over a dot's core: "
+                      "undiffracted light, or a dot that lies there"},
+    {"code_width_wave",
+     "how much the widths of codes differ in turn, in codes, if they do (differential nonlinearity)"},
     {"code_width_period", "after how many codes their widths repeat"},
     {"widest_code", "the code that occurs most among them, beyond whole periods"},
     {"widest_code_error", "its standard error"},
@@ -282,11 +287,12 @@ std::string explain_illumination(const LabLights &found) {
     std::string text;
     for (const LabLight &light : found.lights)
         if (!light.light.coefficients.empty())
-            text += fmt::format(" The {} is not even: {} % more light on the right, {} % below, {} % less in the corners than on "
-                                "the axis.",
-                                light.name, with_uncertainty(100.0 * light.slope[0], 100.0 * light.slope_error[0]),
-                                with_uncertainty(100.0 * light.slope[1], 100.0 * light.slope_error[1]),
-                                with_uncertainty(100.0 * light.corner_loss, 100.0 * light.corner_loss_error));
+            text += fmt::format(
+                " The {} is not even: {} % more light on the right, {} % below, {} % less in the corners than on "
+                "the axis.",
+                light.name, with_uncertainty(100.0 * light.slope[0], 100.0 * light.slope_error[0]),
+                with_uncertainty(100.0 * light.slope[1], 100.0 * light.slope_error[1]),
+                with_uncertainty(100.0 * light.corner_loss, 100.0 * light.corner_loss_error));
     for (const LampDrift &drift : found.drifts)
         text += fmt::format(" In {} the lamp varies by {:.2g} % from frame to frame.", drift.sequence,
                             100.0 * drift.deviation);

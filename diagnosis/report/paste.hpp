@@ -8,8 +8,8 @@
 
 namespace clsp {
 
-// Each makes the camera that the profile's file makes, to the last bit. Light, which is the lab's, is in comments; so are
-// effects on dots, which need a pattern that the library draws.
+// Each makes the camera that the profile's file makes, to the last bit. Light, which is the lab's, is in comments; so
+// are effects on dots, which need a pattern that the library draws.
 struct PasteTexts {
     std::string command_line, python, c;
 };

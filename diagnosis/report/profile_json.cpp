@@ -146,7 +146,8 @@ class ProfileReader {
     void shape(const char *key, const CameraProfile &profile) {
         const Json expected = {profile.height, profile.width};
         if (const Json &given = take(key, "[height, width]"); given != expected)
-            refuse(key, fmt::format("is {}; expected {}, the camera's height and width", shown(given), shown(expected)));
+            refuse(key,
+                   fmt::format("is {}; expected {}, the camera's height and width", shown(given), shown(expected)));
     }
     void number(const char *key, double &value, double low, double high, const char *what) {
         const std::string expected = fmt::format("a number from {} to {}, {}", low, high, what);

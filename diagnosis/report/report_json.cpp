@@ -179,9 +179,11 @@ JsonText acceptance_json(const std::vector<AcceptanceRow> &rows) {
     return result;
 }
 
-JsonText ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all, const std::vector<FittedParameter> &fitted) {
+JsonText ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &all,
+                     const std::vector<FittedParameter> &fitted) {
     JsonText parameters = JsonText::object(), intervals = JsonText::object();
-    const auto candidate = std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
+    const auto candidate =
+        std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == ranked.effect; });
     for (std::size_t p = 0; candidate != all.end() && p < ranked.values.size(); ++p)
         parameters[candidate->parameters[p].name] = ranked.values[p];
     for (const FittedParameter &parameter : fitted)
@@ -199,17 +201,22 @@ JsonText ranked_json(const RankedEffect &ranked, const std::vector<Candidate> &a
 
 // Which distance is measured in what: they differ, so that one must not be subtracted from another.
 JsonText scales() {
-    return {{"gap.distance", "root of the mean square of all statistics' deviations beyond what chance gives; whole capture against the "
-                             "baseline, in standard deviations of the baseline"},
-            {"cause.ranking.distance_after", "the same of the whole capture against the baseline with the effect, in standard deviations of "
-                                             "that model, along no fitted direction; 0: not beyond chance"},
-            {"shrink.distance_before", "of halves of the capture against the baseline, in standard deviations of halves simulated with all "
-                                       "effects found, which are the scale of distance_after too"},
-            {"shrink.fraction", "1 - distance_after / distance_before. A right model keeps a distance_after above 0 in about half of all "
-                                "captures, since chance fluctuates about its mean: less than 1 is no defect where residual_detected is "
-                                "false, and ci95 covers it"},
-            {"p", "p_value, p_adjusted and residual_p_value are never 0: tails are those of Student's and of a Gamma law, and what is below "
-                  "1e-300 is given as 1e-300"}};
+    return {
+        {"gap.distance",
+         "root of the mean square of all statistics' deviations beyond what chance gives; whole capture against the "
+         "baseline, in standard deviations of the baseline"},
+        {"cause.ranking.distance_after",
+         "the same of the whole capture against the baseline with the effect, in standard deviations of "
+         "that model, along no fitted direction; 0: not beyond chance"},
+        {"shrink.distance_before",
+         "of halves of the capture against the baseline, in standard deviations of halves simulated with all "
+         "effects found, which are the scale of distance_after too"},
+        {"shrink.fraction",
+         "1 - distance_after / distance_before. A right model keeps a distance_after above 0 in about half of all "
+         "captures, since chance fluctuates about its mean: less than 1 is no defect where residual_detected is "
+         "false, and ci95 covers it"},
+        {"p", "p_value, p_adjusted and residual_p_value are never 0: tails are those of Student's and of a Gamma law, "
+              "and what is below 1e-300 is given as 1e-300"}};
 }
 
 } // namespace
@@ -257,7 +264,8 @@ std::string report_json(const DiagnosisResult &result) {
     };
     for (const RankedEffect &ranked : result.ranking)
         add_ranked(ranked);
-    // Later effects of a set have been ranked in steps of their own; all that were found are listed with their parameters.
+    // Later effects of a set have been ranked in steps of their own; all that were found are listed with their
+    // parameters.
     for (const RankedEffect &ranked : result.found)
         if (std::none_of(result.ranking.begin(), result.ranking.end(),
                          [&](const RankedEffect &other) { return other.effect == ranked.effect; }))
@@ -287,7 +295,8 @@ std::string report_json(const DiagnosisResult &result) {
     }
     JsonText steps = JsonText::array(), per_statistic = JsonText::array();
     for (const ShrinkStep &step : result.steps)
-        steps.push_back({{"effect", step.effect}, {"distance_after", step.distance_after}, {"fraction", step.fraction}});
+        steps.push_back(
+            {{"effect", step.effect}, {"distance_after", step.distance_after}, {"fraction", step.fraction}});
     for (const GapPlace &place : result.places) {
         per_statistic.push_back({{"sequence", place.statistic.sequence},
                                  {"statistic", place.statistic.name},

@@ -69,10 +69,12 @@ void write_screening(const DiagnosisResult &result, HtmlPage &page) {
     if (result.screened.empty())
         return;
     page.raw("<details><summary>All effects that were looked at</summary>\n");
-    page.paragraph("At first each effect is put into the simulator at a middle strength, and what changes is compared with "
-                   "what differs. The share is that part of the squared distance that so much of the effect as fits best "
-                   "would take away (of a very large gap that nothing explains so, of its change along a line to the strong end). Those that promise least are put aside; the others' parameters are fitted, as many as "
-                   "it takes until none can overtake the best one.");
+    page.paragraph(
+        "At first each effect is put into the simulator at a middle strength, and what changes is compared with "
+        "what differs. The share is that part of the squared distance that so much of the effect as fits best "
+        "would take away (of a very large gap that nothing explains so, of its change along a line to the strong end). "
+        "Those that promise least are put aside; the others' parameters are fitted, as many as "
+        "it takes until none can overtake the best one.");
     std::vector<std::vector<std::string>> rows;
     for (const ScreenedEffect &look : result.screened)
         rows.push_back({look.effect, explain_effect(result, look.effect), percent(look.share),

@@ -244,7 +244,8 @@ struct FinishedFrames::Implementation {
         if (!SensorSide::passes_light(model)) {
             SequenceModel drawn = model;
             drawn.frames_differ = images > 1;
-            sensor_side.enqueue_light(queue(), drawn, sequence, sensor_side.laser_factors(model, sequence, seed, frame_count),
+            sensor_side.enqueue_light(queue(), drawn, sequence,
+                                      sensor_side.laser_factors(model, sequence, seed, frame_count),
                                       model.ambient_dn / gain, all, frame_count);
             lit = &sensor_side.light();
             one_light = false;

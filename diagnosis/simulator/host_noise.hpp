@@ -1,4 +1,5 @@
-// Random numbers for pixels of finished frames, on the host: Philox by counter, the same for any order of calls and on every system.
+// Random numbers for pixels of finished frames, on the host: Philox by counter, the same for any order of calls and on
+// every system.
 #pragma once
 
 #include "stages/philox.hpp"
@@ -13,7 +14,15 @@ namespace clsp {
 constexpr double kQuantizationVariance = 1.0 / 12.0;
 
 // Streams of their own (kernels/common/philox.h has the library's others).
-enum class HostStream : std::uint32_t { kRounding = 0x40, kRestored = 0x41, kProbe = 0x42, kReal = 0x43, kSim = 0x44, kRealEnd = 0x45, kSimEnd = 0x46 };
+enum class HostStream : std::uint32_t {
+    kRounding = 0x40,
+    kRestored = 0x41,
+    kProbe = 0x42,
+    kReal = 0x43,
+    kSim = 0x44,
+    kRealEnd = 0x45,
+    kSimEnd = 0x46
+};
 
 // The numbers of one frame of a sequence, one after the other.
 class HostNoise {

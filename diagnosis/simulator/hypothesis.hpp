@@ -21,8 +21,8 @@ struct HypothesisFrame {
     const CaptureLayout *layout;
     std::size_t sequence;
     std::uint32_t frame_index;
-    // The capture's. Counter-based randomness of the hypothesis is to depend on it, on frame_index and on sequence alone
-    // (not on sequence where a pattern belongs to the camera).
+    // The capture's. Counter-based randomness of the hypothesis is to depend on it, on frame_index and on sequence
+    // alone (not on sequence where a pattern belongs to the camera).
     std::uint64_t seed;
     const double *values;
     float *pixels; // height * width, changed in place

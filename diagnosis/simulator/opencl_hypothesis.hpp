@@ -13,7 +13,8 @@
 
 namespace clsp {
 
-// Throws kInvalidArgument unless the hypothesis has source that can be tried, and names of parameters that can stand in it.
+// Throws kInvalidArgument unless the hypothesis has source that can be tried, and names of parameters that can stand in
+// it.
 void check_opencl_hypothesis(const Hypothesis &hypothesis);
 
 // A frame's place, as the source sees it.
@@ -40,8 +41,8 @@ class OpenclHypothesis {
     std::size_t value_count_;
 };
 
-// Compiles the source; what it does to a frame. Throws kBuild with the compiler's log. The function is for one thread at a
-// time and waits for the device.
+// Compiles the source; what it does to a frame. Throws kBuild with the compiler's log. The function is for one thread
+// at a time and waits for the device.
 std::function<void(const HypothesisFrame &)> opencl_hypothesis(std::shared_ptr<Context> context,
                                                                const Hypothesis &hypothesis);
 

@@ -58,7 +58,8 @@ std::vector<float> SensorSide::fall_off(const SequenceModel &model, std::size_t 
     std::vector<float> kept(pixels_, 1.0f);
     if (const float part = uneven_part(model, sequence); part > 0.0f) {
         const std::vector<float> &off = unevenness_of(sequence).host;
-        std::transform(off.begin(), off.end(), kept.begin(), [part](float x) { return std::max(0.0f, 1.0f + part * x); });
+        std::transform(off.begin(), off.end(), kept.begin(),
+                       [part](float x) { return std::max(0.0f, 1.0f + part * x); });
     }
     if (model.corner_loss == 0.0)
         return kept;
@@ -70,7 +71,8 @@ std::vector<float> SensorSide::fall_off(const SequenceModel &model, std::size_t 
 }
 
 void SensorSide::enqueue_light(cl_command_queue queue, const SequenceModel &model, std::size_t sequence,
-                               const std::vector<float> &factors, double ambient, const DeviceBuffer &intensities, std::uint32_t frame_count) {
+                               const std::vector<float> &factors, double ambient, const DeviceBuffer &intensities,
+                               std::uint32_t frame_count) {
     grow(context_, light_, frame_count * pixels_ * sizeof(float));
     grow(context_, factors_, frame_count * sizeof(float));
     // The host's numbers are gone when this returns.

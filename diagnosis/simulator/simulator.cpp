@@ -117,8 +117,8 @@ struct Simulator::Implementation {
 
     Implementation(std::shared_ptr<Context> context_, const CaptureLayout &layout_, std::vector<Hypothesis> hypotheses_)
         : context(std::move(context_)), layout(layout_), hypotheses(std::move(hypotheses_)),
-          pixels(layout.pixel_count()), queue(context->cl_context(), context->device()), guard(*context, queue), optics(context, layout),
-          sensor_side(context, layout) {}
+          pixels(layout.pixel_count()), queue(context->cl_context(), context->device()), guard(*context, queue),
+          optics(context, layout), sensor_side(context, layout) {}
 
     void check_sequence(std::size_t sequence) const {
         if (sequence >= layout.sequences.size())

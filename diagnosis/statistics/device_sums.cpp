@@ -20,7 +20,8 @@ struct RowProduct {
     cl_uint ax, ay, bx, by, width, rows, row_step, frames;
     cl_uint lopsided; // a b (a - b) instead of a b
 };
-static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint), "row_product of diagnosis/frame_sums.cl has these members alone");
+static_assert(sizeof(RowProduct) == 14 * sizeof(cl_uint),
+              "row_product of diagnosis/frame_sums.cl has these members alone");
 
 namespace {
 

@@ -1,5 +1,5 @@
-// The sums over pixels on the device (kernels/diagnosis/frame_sums.cl), for devices that are faster at it than the host's
-// threads.
+// The sums over pixels on the device (kernels/diagnosis/frame_sums.cl), for devices that are faster at it than the
+// host's threads.
 #pragma once
 
 #include "runtime/context.hpp"

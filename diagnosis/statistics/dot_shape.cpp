@@ -13,8 +13,8 @@ namespace {
 
 using Point = std::array<double, 2>;
 
-// No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are quotients of noise,
-// and are kept within what spots can have.
+// No spot is narrower than a pixel; moments of what is hardly any spot (strong defocus, light beside the dots) are
+// quotients of noise, and are kept within what spots can have.
 constexpr double kLeastMoment = 1.0 / 12.0, kLargestMoment = 10.0;
 
 // Of the window under which a dot's light and place are taken, in standard deviations of the dot.
@@ -195,7 +195,8 @@ DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image
     const double sigma = dots.sigma, half_spacing = 0.5 * dots.spacing;
     const double reach = std::max(5.0 * sigma, half_spacing), window_width = kShapeWindow * sigma;
     struct Sums {
-        double light = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0, x_cubed = 0.0, y_cubed = 0.0, r_fourth = 0.0;
+        double light = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0, x_cubed = 0.0, y_cubed = 0.0,
+               r_fourth = 0.0;
     } all;
     std::array<double, kProfileRings> ring_light{}, ring_count{};
     std::array<std::array<double, 8>, 3> harmonics{};

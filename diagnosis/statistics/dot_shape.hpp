@@ -64,12 +64,13 @@ struct DotShape {
 DotShape measure_shape(const Geometry &geometry, const std::vector<float> &image, double background,
                        const DotPositions &positions, double least_core);
 
-// Of what the core of a dot as described has. A lens far out of focus leaves less there, or nothing: by so little, or by its chance
-// in one pattern of speckle, nothing is to be divided.
+// Of what the core of a dot as described has. A lens far out of focus leaves less there, or nothing: by so little, or
+// by its chance in one pattern of speckle, nothing is to be divided.
 constexpr double kLeastCore = 0.2;
 // Mean of a Gaussian over the disc of one sigma: 2 (1 - exp(-1/2)) of its peak.
 constexpr double kCoreOfPeak = 0.78693868057473315;
-// Light in the core (one sigma) of a Gaussian dot behind the lens over the mean light of the image, where all light is in such dots.
+// Light in the core (one sigma) of a Gaussian dot behind the lens over the mean light of the image, where all light is
+// in such dots.
 double expected_core(const Geometry &geometry);
 // How far spots are seen, whose place and moments can be told: 1 from a core of least_core on, 0 below half of that.
 double visibility(const DotShape &shape, double least_core);

@@ -46,8 +46,8 @@ struct WindowedContrasts {
 };
 
 // The contrasts of laser light within smooth windows that lie wholly inside: what the lens resolves is no mosaic, and
-// where an image ends an alternating sum holds half of a pixel's light. Simulated speckle goes on from one border to the
-// other, where that cancels; a camera's ends.
+// where an image ends an alternating sum holds half of a pixel's light. Simulated speckle goes on from one border to
+// the other, where that cancels; a camera's ends.
 WindowedContrasts windowed_contrasts(const Geometry &geometry, const std::vector<float> &mean) {
     std::array<double, kWindow> window;
     for (std::size_t i = 0; i < kWindow; ++i)

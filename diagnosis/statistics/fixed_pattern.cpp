@@ -126,7 +126,8 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
         std::vector<float> negative(pattern);
         for (float &value : negative)
             value = -value;
-        sink.put_count("sensor", "cold_pixels_6_sigma", soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation));
+        sink.put_count("sensor", "cold_pixels_6_sigma",
+                       soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation));
     }
 
     const char *names[] = {"fixed_pattern_correlation_x1", "fixed_pattern_correlation_y1"};

@@ -19,7 +19,8 @@ namespace {
 using namespace statistics;
 
 constexpr double kTurn = 2.0 * M_PI;
-// A code that does not occur is missing where its neighbours have so many pixels each, on average: by chance it would hardly be.
+// A code that does not occur is missing where its neighbours have so many pixels each, on average: by chance it would
+// hardly be.
 constexpr double kPixelsOfACode = 20.0;
 constexpr std::size_t kNeighbours = 4; // to each side
 
@@ -37,15 +38,16 @@ class List {
 // The root of what is left of a variance once noise is taken out; 0 where less than noise is there.
 double root_beyond(double variance, double noise) { return std::sqrt(std::max(0.0, variance - noise)); }
 
-// Widths of codes n, 1 + amplitude cos(2 pi (n - widest) / period). Noise spreads each pixel's values over the codes: what
-// the histogram has at a frequency beyond what such noise lets through is the converter's.
+// Widths of codes n, 1 + amplitude cos(2 pi (n - widest) / period). Noise spreads each pixel's values over the codes:
+// what the histogram has at a frequency beyond what such noise lets through is the converter's.
 struct CodeWave {
     double amplitude = kNotTold, period = kNotTold, widest = kNotTold, error = kNotTold;
 };
 
 CodeWave find_code_wave(const std::vector<std::uint64_t> &histogram, double noise_dn) {
-    constexpr double kStandsOut = 6.0, kBeyondNoise = 4.0; // deviations of what chance makes; of what noise lets through
-    constexpr double kMost = 0.5;                          // of an effect's amplitude: more are codes that are missing
+    constexpr double kStandsOut = 6.0;   // deviations of what chance makes
+    constexpr double kBeyondNoise = 4.0; // deviations of what noise lets through
+    constexpr double kMost = 0.5;        // of an effect's amplitude: more are codes that are missing
     CodeWave found;
     double strongest = 0.0;
     for (const std::size_t period : {2, 4, 8, 16}) {
@@ -68,7 +70,8 @@ CodeWave find_code_wave(const std::vector<std::uint64_t> &histogram, double nois
             continue;
         const double codes_a_radian = double(period) / kTurn;
         const double widest = std::fmod(std::arg(sum) * codes_a_radian + double(period), double(period));
-        found = {amplitude, double(period), alternates ? std::round(widest) : widest, alternates ? 0.0 : error * codes_a_radian};
+        found = {amplitude, double(period), alternates ? std::round(widest) : widest,
+                 alternates ? 0.0 : error * codes_a_radian};
     }
     return found;
 }
@@ -127,7 +130,8 @@ void put_temporal(const StatisticInput &in, double temporal_noise_dn, List &list
         const double row_count = lines_used(geometry.row_used), column_count = lines_used(geometry.column_used);
         rows *= unbiased / (frames * row_count);
         const double columns = unbiased * in.residual.column_variance * double(geometry.width) / column_count;
-        const double row_pixels = double(geometry.used) / row_count, column_pixels = double(geometry.used) / column_count;
+        const double row_pixels = double(geometry.used) / row_count,
+                     column_pixels = double(geometry.used) / column_count;
         list.put("temporal_noise", "DN", temporal_noise_dn);
         list.put("row_noise", "DN", root_beyond(rows / row_pixels, pixel / row_pixels));
         list.put("column_noise", "DN", root_beyond(columns / column_pixels, pixel / column_pixels));
@@ -183,8 +187,8 @@ void put_fixed_pattern(const StatisticInput &in, List &list) {
     list.put("wave_amplitude", "DN", of_line(line.amplitude));
     list.put("wave_frequency_x", "1/px", of_line(line.frequency_x));
     list.put("wave_frequency_y", "1/px", of_line(line.frequency_y));
-    // Of one wave in white noise, the Cramer-Rao bound (Rife and Boorstyn 1974); from two frequencies under a Hann window
-    // it is so many times that, root mean square (of 600 waves at frequencies drawn in NumPy 2.34).
+    // Of one wave in white noise, the Cramer-Rao bound (Rife and Boorstyn 1974); from two frequencies under a Hann
+    // window it is so many times that, root mean square (of 600 waves at frequencies drawn in NumPy 2.34).
     constexpr double kOfWindow = 2.35;
     const double rest = std::max(square - 0.5 * line.amplitude * line.amplitude, 0.0);
     const double side = double(std::min(geometry.width, geometry.height));

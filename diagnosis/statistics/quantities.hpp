@@ -1,5 +1,5 @@
-// What a data sheet and an optics bench have of a sequence, in their units: for people to read. No verdict goes by them;
-// that is what the statistics are for, which are made to have narrow laws instead.
+// What a data sheet and an optics bench have of a sequence, in their units: for people to read. No verdict goes by
+// them; that is what the statistics are for, which are made to have narrow laws instead.
 #pragma once
 
 #include "statistics/sequence_statistics.hpp"

@@ -27,8 +27,8 @@ class SequenceStatistics {
 
     const std::vector<StatisticInfo> &list() const { return list_; }
     // codes: frame_count * height * width. values: list().size() numbers, all finite. Thread-safe; uses `threads`
-    // threads, and for sums over pixels the device, if there is one that takes the sequence: the numbers are the same. device: used by one
-    // thread at a time.
+    // threads, and for sums over pixels the device, if there is one that takes the sequence: the numbers are the same.
+    // device: used by one thread at a time.
     void compute(const std::uint16_t *codes, const Calibration &calibration, double *values, unsigned threads,
                  statistics::DeviceSums *device = nullptr) const;
 

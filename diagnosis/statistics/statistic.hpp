@@ -29,8 +29,8 @@ constexpr std::uint32_t kFewFrames = 8;
 struct Calibration {
     double black_level_dn = 0.0;
     double read_noise_dn = 0.0;
-    // Mean image of dark frames, of which flats' fixed patterns are free, so that they are those of the gains. Null: there
-    // are none.
+    // Mean image of dark frames, of which flats' fixed patterns are free, so that they are those of the gains. Null:
+    // there are none.
     std::shared_ptr<const std::vector<float>> dark_frame = {};
 };
 

@@ -5,7 +5,9 @@
 #if defined(__x86_64__) && defined(__GNUC__)
 #define CLSP_BODY inline __attribute__((always_inline))
 #define CLSP_WIDTHS(type, name, parameters, arguments)                                                                 \
-    __attribute__((target("avx512f,avx512bw,avx512vl"))) static type name##_512 parameters { return name##_body arguments; } \
+    __attribute__((target("avx512f,avx512bw,avx512vl"))) static type name##_512 parameters {                           \
+        return name##_body arguments;                                                                                  \
+    }                                                                                                                  \
     __attribute__((target("avx2"))) static type name##_256 parameters { return name##_body arguments; }                \
     type name parameters {                                                                                             \
         return vector_bits() == 512   ? name##_512 arguments                                                           \

@@ -22,11 +22,13 @@ struct WorkerThread {
 void run_workers(std::size_t count, const std::function<void()> &checkpoint,
                  const std::function<void(const WorkerThread &self)> &work);
 
-// What workers that work side by side have laid open to each other: one that has nothing left of its own helps the others.
+// What workers that work side by side have laid open to each other: one that has nothing left of its own helps the
+// others.
 class OpenTasks {
   public:
-    // Runs own(), which may call run(); then helps, until no worker is left in its own(). One that comes before any other
-    // has begun its own does not wait for them: own() is to end only when all of the workers' work has been begun.
+    // Runs own(), which may call run(); then helps, until no worker is left in its own(). One that comes before any
+    // other has begun its own does not wait for them: own() is to end only when all of the workers' work has been
+    // begun.
     void work(const WorkerThread &self, const std::function<void()> &own);
     // Calls task(by, 0) ... task(by, count - 1), which are to be independent of each other, on this thread or on those
     // of workers that help, by: self or the helper; returns when all have ended. Throws what the first of them that

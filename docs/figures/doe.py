@@ -2,8 +2,8 @@
 
 PYTHONPATH=bindings/python/src CLSPECKLE_LIBRARY=build/lib/libclspeckle.so .venv/bin/python docs/figures/doe.py
 
-The design is made here, by weighted Gerchberg-Saxton (Di Leonardo, Ianni, Ruocco, Opt. Express 15, 1913, 2007), so that the page needs nothing else;
---design NAME.npy takes another one.
+The design is made here, by weighted Gerchberg-Saxton (Di Leonardo, Ianni, Ruocco, Opt. Express 15, 1913, 2007), so that
+the page needs nothing else; --design NAME.npy takes another one.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ def show(axes: plt.Axes, made: clspeckle.DoePattern, title: str) -> None:
 def power_budget(made: clspeckle.DoePattern, name: str) -> None:
     info = made.info
     print(
-        f"{name:34} dots {info.dots:.4f}  zero order {info.zero_order:.5f}  ghosts {info.ghosts:.4f}  scatter {info.scatter:.4f}  "
+        f"{name:34} dots {info.dots:.4f}  zero order {info.zero_order:.5f}  ghosts {info.ghosts:.4f}  scatter "
+        f"{info.scatter:.4f}  "
         f"sum {info.dots + info.zero_order + info.ghosts + info.scatter:.7f}  RMS {info.uniformity_rms:.3f}"
     )
 
@@ -117,8 +118,12 @@ def main() -> None:
     ideal = np.asarray(design.orders, float)[:, :2] * [info.order_spacing_x, info.order_spacing_y]
     round_beam = clspeckle.Beam(covariance_m2=(3.0e-4**2,) * 2)
     show(panels[0], clspeckle.DoePattern.ideal(ideal, beam=round_beam, **close), "ideal dots")
-    show(panels[1], clspeckle.DoePattern(design, beam=BEAM, defects=DEFECTS, **close), "binary, with defects: by orders")
-    sharp = dataclasses.replace(DEFECTS, rounding_sigma_m=0.0)  # rounding would need more samples than an aperture may have
+    show(
+        panels[1], clspeckle.DoePattern(design, beam=BEAM, defects=DEFECTS, **close), "binary, with defects: by orders"
+    )
+    sharp = dataclasses.replace(
+        DEFECTS, rounding_sigma_m=0.0
+    )  # rounding would need more samples than an aperture may have
     whole = clspeckle.DoePattern(design, beam=BEAM, defects=sharp, evaluation="aperture", **close)
     print(f"aperture: {whole.info.device_memory_bytes / 2**20:.0f} MiB of device memory")
     show(panels[2], whole, "without rounding, by the whole aperture")

@@ -30,7 +30,8 @@ def row(name: str, design: clspeckle.DoeDesign) -> str:
     zero = f"{design.zero_order_relative:.3f}" + (" (wanted)" if design.zero_order_wanted else "")
     return (
         f"| {name} | {100 * design.efficiency:.1f} | {100 * design.grid_efficiency:.1f} "
-        f"| {100 * design.uniformity_rms:.2f} | {100 * design.uniformity_peak_to_peak:.1f} | {zero} | {design.largest_ghost_relative:.3f} "
+        f"| {100 * design.uniformity_rms:.2f} | {100 * design.uniformity_peak_to_peak:.1f} | {zero} | "
+        f"{design.largest_ghost_relative:.3f} "
         f"| {100 * design.other_orders:.1f} | {100 * design.beyond:.1f} | {design.seconds:.1f} |"
     )
 
@@ -101,7 +102,8 @@ def layouts(path: Path) -> list[str]:
         layout = clspeckle.dot_layout(**options)
         rows.append(
             f"| {name} | {layout.min_distance:.5f} | {layout.min_distance / layout.mean_spacing:.2f} "
-            f"| {layout.mean_neighbors:.1f} | {layout.pair_count} | {layout.min_difference:.3f} | {layout.mean_difference:.3f} |"
+            f"| {layout.mean_neighbors:.1f} | {layout.pair_count} | {layout.min_difference:.3f} | "
+            f"{layout.mean_difference:.3f} |"
         )
         if name not in ("2509 on orders", "5303 on orders", "5303 free"):
             continue

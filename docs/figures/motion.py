@@ -1,7 +1,9 @@
-"""The figure of docs/method/motion.md: autocorrelation of speckle along the three motions of the thesis (its Fig. 22 to 24), and the
-correlation of real speckle behind a moving pinhole beside simulations of the same series.
+"""The figure of docs/method/motion.md: autocorrelation of speckle along the three motions of the thesis (its Fig. 22 to
+24), and the correlation of real speckle behind a moving pinhole beside simulations of the same series.
 
-usage: motion.py FILE.png [--spark FOLDER]      (FOLDER: images -20.bmp to 20.bmp of CONTRIBUTING.md; left out, three panels are drawn)
+usage: motion.py FILE.png [--spark FOLDER]
+
+FOLDER holds the images -20.bmp to 20.bmp of CONTRIBUTING.md. Left out, three panels are drawn.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ def spark_image(folder: Path, index: int) -> np.ndarray:
 
 
 def draw_spark(axes: plt.Axes, folder: Path) -> None:
-    """At the place of the speckle and the largest anywhere: measured, a field that fades as R^2, and one that slides behind a pinhole."""
+    """At the place of the speckle and the largest anywhere: measured, a field that fades as R^2, and one that slides
+    behind a pinhole."""
     n = np.arange(1, 16)
     measured = motion.Series([spark_image(folder, k) for k in range(-20, 21)])
     registered = [measured.registered(step) for step in n]
@@ -76,12 +79,28 @@ def draw_spark(axes: plt.Axes, folder: Path) -> None:
     pinhole = simulated(airy_length, airy_noise, True)
     x = 0.05 * n
     axes.errorbar(x, mean, spread, fmt="o", markersize=4, color="tab:blue", label="measured, at its place")
-    axes.plot(x, [fading.registered(k).mean() for k in n], color="tab:red", linewidth=2, label=f"simulated, {0.05 * length:.2f} mm")
+    axes.plot(
+        x,
+        [fading.registered(k).mean() for k in n],
+        color="tab:red",
+        linewidth=2,
+        label=f"simulated, {0.05 * length:.2f} mm",
+    )
     curve = (1 - airy_noise) * (1 - rate * n / shape[1]) * motion.airy(n / airy_length) ** 2
     axes.plot(x, curve, "k--", linewidth=1, label=f"pinhole, {0.05 * airy_length:.2f} mm")
-    axes.plot(x, [measured.maximum(k).mean() for k in n], "s", markersize=4, mfc="none", color="0.5", label="measured, largest")
+    axes.plot(
+        x,
+        [measured.maximum(k).mean() for k in n],
+        "s",
+        markersize=4,
+        mfc="none",
+        color="0.5",
+        label="measured, largest",
+    )
     axes.plot(x, [pinhole.maximum(k).mean() for k in n], ":", color="0.5", label="pinhole simulated, largest")
-    axes.set(title="real speckle, moving pinhole", xlabel="displacement, mm", ylim=(-0.03, 1), ylabel="cross-correlation")
+    axes.set(
+        title="real speckle, moving pinhole", xlabel="displacement, mm", ylim=(-0.03, 1), ylabel="cross-correlation"
+    )
     axes.legend(loc="upper right", fontsize=8)
 
 

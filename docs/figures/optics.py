@@ -107,7 +107,7 @@ def draw_lens(path: Path) -> None:
     y, x = np.mgrid[:height, :width]
     grid = (0.1 + 0.9 * ((x % 20 == 10) | (y % 20 == 10))).astype(np.float32)
     crossings = np.stack(np.meshgrid(np.arange(10, width, 20), np.arange(10, height, 20)), axis=-1)
-    figure, axes = plt.subplots(1, 4, figsize=(10, 2.05))
+    figure, axes = plt.subplots(1, 4, figsize=(10, 2.3))
     for axis, k1 in zip(axes, (-0.1, 0.1)):
         lens = clspeckle.Lens((height, width), k1=k1)
         show(axis, lens.distort(grid), f"k1 = {k1}", vmin=0, vmax=1)

@@ -50,7 +50,9 @@ def main() -> None:
         axes[0, column].imshow(shown, cmap="gray", vmin=low, vmax=high)
         axes[0, column].set_title(title, fontsize=15)
         for row, (name, (x, y, width, height)) in enumerate(ZOOMS.items(), start=1):
-            axes[0, column].add_patch(Rectangle((x - 0.5, y - 0.5), width, height, fill=False, color="tab:orange", lw=1.5))
+            axes[0, column].add_patch(
+                Rectangle((x - 0.5, y - 0.5), width, height, fill=False, color="tab:orange", lw=1.5)
+            )
             zoom = shown[y : y + height, x : x + width]
             axes[row, column].imshow(zoom, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
             if column == 0:

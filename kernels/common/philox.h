@@ -144,9 +144,9 @@ static inline ALWAYS_INLINE float normal_of(normals4 normals, uint j) {
     return j == 0 ? normals.n0 : j == 1 ? normals.n1 : j == 2 ? normals.n2 : normals.n3;
 }
 
-// Two normals from one word, for noise drawn anew for every pixel of every frame: Box-Muller with a radius r = sqrt(-ln
-// u), u the word's uniform, and an angle of the first quadrant, pi / 4 + 2 pi f, f = word K / 2^34 with the product in
-// 32 bits and with its sign; the word's two lowest bits are the signs of the two. The points (u, f) are a lattice, and
+// Two normals from one word, for noise drawn anew for every pixel of every frame. Box-Muller with a radius r = sqrt(-ln
+// u), u the word's uniform, and an angle of the first quadrant, pi / 4 + 2 pi f. f = word K / 2^34 with the product in
+// 32 bits and with its sign. The word's two lowest bits are the signs of the two. The points (u, f) are a lattice, and
 // so are those of each quadrant; K makes both cover the square nearly as evenly as lattices can (shortest vectors of
 // 0.87 of the longest possible). r sqrt(2) cos(pi / 4 + a) = r (cos a - sin a). Minimax polynomials of ln(1 + t) / t
 // (relative error 1.1e-6), sin(2 pi f) / f (1.5e-6) and cos(2 pi f) - 1 (3e-8): a normal is right to 2e-6 of the pair's

@@ -2,7 +2,7 @@
 //   ACCUMULATE 1     the intensity is added to what there is
 //   SAMPLE_POWERS 1  aperture_intensity takes |V|^2 of the samples, not V
 //   PIXEL_TAPS n     a pixel's value is a weighted sum over n x n samples around its centre; 0: the mean of its own
-//   samples
+//                    samples
 #include "common/common.h"
 
 #if SAMPLE_POWERS

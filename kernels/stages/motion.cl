@@ -1,6 +1,7 @@
 // How far each pixel's surface point has moved since the last frame. The equations are in motion.h of the C API.
 //   MODE 0: the point's previous position, 1: one rigid transform, 2: one for each material, 3: motion vectors and the
-//   previous frame. HAS_HISTORY 1: the previous frame's own depth or position, to find what was hidden.
+//   previous frame.
+//   HAS_HISTORY 1: the previous frame's own depth or position, to find what was hidden.
 #include "common/common.h"
 
 typedef struct {

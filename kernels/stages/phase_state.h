@@ -6,8 +6,9 @@
 // Words of 4 bytes, `samples` the size of the field grid:
 //   PHASE_CONTINUOUS 0: for each polarization samples x (re, im), or samples x word.
 //   PHASE_CONTINUOUS 1: samples x t, in units of 2^-32; then for each polarization samples x (re, im) of A, the same of
-//   B. Behind that, in a state that moves with the surface: samples x (x, y), the part of a shift that is not carried
-//   out yet, in samples.
+//   B.
+//   Behind that, in a state that moves with the surface: samples x (x, y), the part of a shift that is not carried out
+//   yet, in samples.
 #ifndef CLSP_PHASE_STATE_H
 #define CLSP_PHASE_STATE_H
 

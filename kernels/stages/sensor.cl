@@ -4,8 +4,8 @@
 #if FIXED_PATTERN
 
 // Drawn once. offset (with DARK_FRAME_GIVEN the dark frame is already in it) gets hot pixels, DSNU, column and row
-// offsets and a wave; response is 0 at cold pixels and 1 elsewhere; pixel_gain (with GAIN_MAP_GIVEN the map is already
-// in it) is the PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones; read_noise_map is each pixel's
+// offsets and a wave. response is 0 at cold pixels and 1 elsewhere. pixel_gain (with GAIN_MAP_GIVEN the map is already
+// in it) is the PRNU of pixels, columns and rows, less at dull pixels, 0 at cold ones. read_noise_map is each pixel's
 // standard deviation. periodic_x, periodic_y: 2^-32 turns from pixel to pixel; dull_slope: of a dull pixel's gain over
 // its random number. What is 0 is off, and a buffer that nothing is written to may be NULL: cameras differ in these
 // sets without end, so that no program is built for each. One work-item a Philox block.

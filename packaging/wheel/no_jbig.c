@@ -1,7 +1,7 @@
 /*
- * What libtiff calls of libjbig, for a wheel that does without it: Debian's libtiff is linked with libjbig, whose licence
- * is the GPL, and a wheel that holds it can be passed on under the GPL only. Images that are compressed as JBIG (group 3
- * fax machines' successor, one bit a pixel) are refused; no camera writes them.
+ * What libtiff calls of libjbig, for a wheel that does without it: Debian's libtiff is linked with libjbig, whose
+ * licence is the GPL, and a wheel that holds it can be passed on under the GPL only. Images that are compressed as JBIG
+ * (group 3 fax machines' successor, one bit a pixel) are refused; no camera writes them.
  */
 #include <stddef.h>
 

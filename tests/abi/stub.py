@@ -1,7 +1,7 @@
 """A library that has the functions of the public headers and nothing else: stub.py OUTPUT
 
-It compiles in a second and has the headers' ABI: the compiler holds the real functions to the same declarations, and test_abi.py the real
-library to the same symbols.
+It compiles in a second and has the headers' ABI: the compiler holds the real functions to the same declarations, and
+test_abi.py the real library to the same symbols.
 """
 
 from __future__ import annotations
@@ -30,9 +30,14 @@ def build(library: Path, headers: Path = HEADERS) -> None:
     assert abi is not None
     bodies = (f"{declaration} {{ return 0; }}\n" for declaration in declared(headers).values())
     command = [CC, "-std=c99", "-g", "-shared", "-fPIC", f"-Wl,-soname,libclspeckle.so.{abi[1]}",
-               f"-Wl,--version-script={ROOT / 'capi' / 'clspeckle.map'}", f"-I{headers.parent}", "-x", "c", "-", "-o", str(library)]  # fmt: skip
+               f"-Wl,--version-script={ROOT / 'capi' / 'clspeckle.map'}", f"-I{headers.parent}", "-x", "c", "-", "-o",
+               str(library)]  # fmt: skip
     done = subprocess.run(
-        command, input="#include <clspeckle/clspeckle.h>\n" + "".join(bodies), check=False, capture_output=True, text=True
+        command,
+        input="#include <clspeckle/clspeckle.h>\n" + "".join(bodies),
+        check=False,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, f"{command}\n{done.stderr}"
 

@@ -1,4 +1,5 @@
-"""The binary interface: the same as recorded (abidiff), every symbol declared and called by a test, nothing else exported."""
+"""The binary interface: the same as recorded (abidiff), every symbol declared and called by a test, nothing else
+exported."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ def test_exports_are_what_the_headers_declare() -> None:
 
 
 def test_every_function_is_called_by_a_test() -> None:
-    """By its name in a GoogleTest, or by the fixture of a stage (tests/stage_support.hpp); a wrapper's use does not count."""
+    """By its name in a GoogleTest, or by the fixture of a stage (tests/stage_support.hpp); a wrapper's use does not
+    count."""
     text = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.cpp"))
     text = re.sub(r"//[^\n]*", "", text)
     called = set(re.findall(r"\b(clsp[A-Z]\w*)\b", re.sub(r'"[^"\n]*"', "", text)))
@@ -112,8 +114,8 @@ def layouts(description: Path) -> dict[str, list[tuple[int, str, str]]]:
 
 
 def layout_changes(old: Path, new: Path) -> list[str]:
-    """What is wrong with the structs of `new`. abidiff 2.2 lets a member change its type unseen where the suppression of appended
-    members applies, so the rule is checked here once more: the old members come first, as they were."""
+    """What is wrong with the structs of `new`. abidiff 2.2 lets a member change its type unseen where the suppression
+    of appended members applies, so the rule is checked here once more: the old members come first, as they were."""
     changes = []
     after = layouts(new)
     for name, members in layouts(old).items():
@@ -133,8 +135,8 @@ def test_headers_have_the_recorded_abi(recorded: Path, stub: Callable[..., Path]
     changes = layout_changes(recorded, describe(stub(), tmp_path / "new.abi"))
     assert layouts(recorded).keys() >= {"ClspImage", "ClspFrame", "ClspSensorDesc"}
     assert result.returncode == 0 and not changes, (
-        f"{result.stdout}{result.stderr}{changes}\nIf an old binary still works with this library, renew the record with "
-        "tests/abi/record.sh; else put it back, or count CLSP_ABI_VERSION up."
+        f"{result.stdout}{result.stderr}{changes}\nIf an old binary still works with this library, renew the record "
+        "with tests/abi/record.sh; else put it back, or count CLSP_ABI_VERSION up."
     )
 
 

@@ -50,8 +50,6 @@ def test_columns_that_count(tmp_path: Path) -> None:
 
 # Licenses of others, in their words.
 QUOTED = {"diagnosis/report/report_script.cpp"}
-# Public headers and kernels define by formulas, whose parts one sentence names.
-LONGEST_COMMENTS = {"capi": 65, "kernels": 55}
 # How the code came to be is told by its history.
 PAST = re.compile(r"\b(?:formerly|previously|until now|refactor\w*|legacy|TODO|FIXME|XXX|HACK)\b")
 
@@ -65,7 +63,7 @@ def test_comments_are_short_and_of_what_is() -> None:
         for sentence in plain_english.comments(path):
             length = plain_english.words(sentence)
             count, total = count + 1, total + length
-            if length > LONGEST_COMMENTS.get(name.partition("/")[0], LONGEST):
+            if length > LONGEST:
                 long.append((name, length, sentence))
             if PAST.search(sentence) and path != Path(__file__):
                 past.append((name, sentence))
@@ -78,7 +76,11 @@ def test_comments_are_short_and_of_what_is() -> None:
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("a.cpp", 'int a = 1; // One two\nconst char *b = "// no comment"; // three\n\n/** Four @param five. */\n// six\n// seven\n'),
+        (
+            "a.cpp",
+            'int a = 1; // One two\nconst char *b = "// no comment"; // three\n\n'
+            "/** Four @param five. */\n// six\n// seven\n",
+        ),
         ("a.py", '"""Four."""\na = 1  # One two\nb = "# no"  # three\n\n# six\n# seven\n'),
     ],
 )  # fmt: skip

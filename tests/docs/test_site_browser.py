@@ -1,4 +1,5 @@
-"""Pages of the site on a desk and on a phone, as a browser shows them: nothing is wider than the screen, equations are drawn."""
+"""Pages of the site on a desk and on a phone, as a browser shows them: nothing is wider than the screen, equations are
+drawn."""
 
 from __future__ import annotations
 

@@ -251,7 +251,8 @@ void *allocate(std::size_t size, std::size_t alignment, const void *caller) {
     if (size > SIZE_MAX / 2)
         return nullptr;
     const std::size_t whole = (front + size + front - 1) / front * front;
-    void *start = front > alignof(std::max_align_t) && alignment ? std::aligned_alloc(front, whole) : std::malloc(whole);
+    void *start =
+        front > alignof(std::max_align_t) && alignment ? std::aligned_alloc(front, whole) : std::malloc(whole);
     if (!start)
         return nullptr;
     auto *block = static_cast<unsigned char *>(start) + front;
@@ -351,11 +352,13 @@ CL_API_ENTRY cl_int CL_API_CALL clGetPlatformIDs(cl_uint count, cl_platform_id *
     return result;
 }
 
-// clFFT's calls fail as a driver's do: what fails inside of them leaks, and ends the program where it throws in a destructor.
+// clFFT's calls fail as a driver's do: what fails inside of them leaks, and ends the program where it throws in a
+// destructor.
 clfftStatus clfftSetup(const clfftSetupData *data) {
     return faults::clfft_call("clfftSetup", true, data);
 }
-clfftStatus clfftCreateDefaultPlan(clfftPlanHandle *plan, cl_context context, const clfftDim dim, const size_t *lengths) {
+clfftStatus clfftCreateDefaultPlan(clfftPlanHandle *plan, cl_context context, const clfftDim dim,
+                                   const size_t *lengths) {
     return faults::clfft_call("clfftCreateDefaultPlan", true, plan, context, dim, lengths);
 }
 clfftStatus clfftBakePlan(clfftPlanHandle plan, cl_uint count, cl_command_queue *queues,
@@ -365,9 +368,9 @@ clfftStatus clfftBakePlan(clfftPlanHandle plan, cl_uint count, cl_command_queue 
 clfftStatus clfftDestroyPlan(clfftPlanHandle *plan) {
     return faults::clfft_call("clfftDestroyPlan", false, plan);
 }
-clfftStatus clfftEnqueueTransform(clfftPlanHandle plan, clfftDirection direction, cl_uint count, cl_command_queue *queues,
-                                  cl_uint wait_count, const cl_event *waits, cl_event *events, cl_mem *inputs, cl_mem *outputs,
-                                  cl_mem scratch) {
+clfftStatus clfftEnqueueTransform(clfftPlanHandle plan, clfftDirection direction, cl_uint count,
+                                  cl_command_queue *queues, cl_uint wait_count, const cl_event *waits, cl_event *events,
+                                  cl_mem *inputs, cl_mem *outputs, cl_mem scratch) {
     return faults::clfft_call("clfftEnqueueTransform", true, plan, direction, count, queues, wait_count, waits,
                               events, inputs, outputs, scratch);
 }

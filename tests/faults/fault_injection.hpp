@@ -1,5 +1,5 @@
-// Makes the n-th call of this process's own code fail, once or from then on: an OpenCL call by the driver's dispatch table,
-// an allocation by operator new, a file by the C library. What a driver does inside a call never fails.
+// Makes the n-th call of this process's own code fail, once or from then on: an OpenCL call by the driver's dispatch
+// table, an allocation by operator new, a file by the C library. What a driver does inside a call never fails.
 #pragma once
 
 #include <cstdint>

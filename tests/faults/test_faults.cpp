@@ -1,6 +1,6 @@
 // What a program does through the C API, again and again, each time with another call that fails: an OpenCL call, an
-// allocation, a file; once or from then on. The call must answer with a status and words, or have the result of a run without
-// faults; nothing is left behind, and the next run is right.
+// allocation, a file; once or from then on. The call must answer with a status and words, or have the result of a run
+// without faults; nothing is left behind, and the next run is right.
 #include "fault_injection.hpp"
 #include "test_support.hpp"
 
@@ -56,8 +56,8 @@ clspeckle::Buffer light(const clspeckle::Context &context, const clspeckle::Queu
 
 constexpr std::uint64_t moving_frames = 4, whole_frame = 3; // the last one renews all
 
-// A surface that boils, and lives while the shutter is open, behind air that flows, before a sensor that lags. A frame that fails
-// is tried once more; a refusal to go on is obeyed. anew: the frame that renews all before its time.
+// A surface that boils, and lives while the shutter is open, behind air that flows, before a sensor that lags. A frame
+// that fails is tried once more; a refusal to go on is obeyed. anew: the frame that renews all before its time.
 Outcome render_moving_anew(std::uint64_t anew, const clspeckle::Context &context) {
     const clspeckle::Queue queue(context);
     auto phase = clspeckle::make<ClspPhaseDesc>();
@@ -84,7 +84,8 @@ Outcome render_moving_anew(std::uint64_t anew, const clspeckle::Context &context
     frame.output = codes.image(side, side, CLSP_FORMAT_UINT16);
     Outcome outcome;
     for (; frame.frame_index < moving_frames; ++frame.frame_index) {
-        frame.refresh = frame.frame_index == whole_frame || frame.frame_index == anew ? CLSP_REFRESH_ALL : CLSP_REFRESH_MASK;
+        frame.refresh =
+            frame.frame_index == whole_frame || frame.frame_index == anew ? CLSP_REFRESH_ALL : CLSP_REFRESH_MASK;
         clspeckle::Event done;
         const auto enqueue = [&] { pipeline.enqueue_frame(queue, frame, {}, &done); };
         try {
@@ -121,8 +122,8 @@ std::vector<Bytes> moving_begun_anew(const clspeckle::Context &context) {
 
 constexpr std::uint64_t lagging_frames = 3;
 
-// A sensor that lags behind a still surface, and one without a pipeline: a frame that fails is tried once more, and the next has the
-// right one before it. Then the same frames in one call, after which a failure begins them anew.
+// A sensor that lags behind a still surface, and one without a pipeline: a frame that fails is tried once more, and the
+// next has the right one before it. Then the same frames in one call, after which a failure begins them anew.
 Outcome lag_anew(bool anew, const clspeckle::Context &context) {
     const clspeckle::Queue queue(context);
     auto phase = clspeckle::make<ClspPhaseDesc>();
@@ -202,8 +203,9 @@ Outcome render_pattern(const clspeckle::Context &context) {
     auto sensor = clspeckle::make<ClspSensorDesc>();
     phase.width = aperture.width = sensor.width = side;
     phase.height = aperture.height = sensor.height = side;
-    const clspeckle::Pipeline pipeline(context, clspeckle::Pattern(context, pattern_desc), clspeckle::Phase(context, phase),
-                                       clspeckle::Aperture(context, aperture), clspeckle::Sensor(context, sensor));
+    const clspeckle::Pipeline pipeline(context, clspeckle::Pattern(context, pattern_desc),
+                                       clspeckle::Phase(context, phase), clspeckle::Aperture(context, aperture),
+                                       clspeckle::Sensor(context, sensor));
     pipeline.set_effect("row_noise");
     const clspeckle::Buffer depth(context, queue, std::vector<float>(pixels, 1.5f)), codes(context, pixels * 2);
     auto geometry = clspeckle::make<ClspGeometry>();
@@ -251,14 +253,15 @@ Outcome cl_images(const clspeckle::Context &context) {
     const clspeckle::ClImage picture = make(CL_FLOAT), codes = make(CL_UNSIGNED_INT16);
     const std::vector<float> values(pixels, 0.5f);
     const std::size_t origin[3] = {0, 0, 0}, region[3] = {side, side, 1};
-    own(clEnqueueWriteImage(queue, picture, CL_TRUE, origin, region, 0, 0, values.data(), 0, nullptr, nullptr), "clEnqueueWriteImage");
+    own(clEnqueueWriteImage(queue, picture, CL_TRUE, origin, region, 0, 0, values.data(), 0, nullptr, nullptr),
+        "clEnqueueWriteImage");
     auto phase = clspeckle::make<ClspPhaseDesc>();
     auto aperture = clspeckle::make<ClspApertureDesc>();
     auto sensor = clspeckle::make<ClspSensorDesc>();
     phase.width = aperture.width = sensor.width = side;
     phase.height = aperture.height = sensor.height = side;
-    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase), clspeckle::Aperture(context, aperture),
-                                       clspeckle::Sensor(context, sensor));
+    const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, phase),
+                                       clspeckle::Aperture(context, aperture), clspeckle::Sensor(context, sensor));
     const clspeckle::Buffer ideal(context, pixels * 4), output(context, pixels * 2);
     auto frame = clspeckle::make<ClspFrame>();
     frame.irradiance = ideal.image(side, side, CLSP_FORMAT_FLOAT32);
@@ -269,7 +272,8 @@ Outcome cl_images(const clspeckle::Context &context) {
     codes.enqueue_export(context, queue, frame.output, {}, &done);
     done.wait();
     std::vector<std::uint16_t> texels(pixels);
-    own(clEnqueueReadImage(queue, codes, CL_TRUE, origin, region, 0, 0, texels.data(), 0, nullptr, nullptr), "clEnqueueReadImage");
+    own(clEnqueueReadImage(queue, codes, CL_TRUE, origin, region, 0, 0, texels.data(), 0, nullptr, nullptr),
+        "clEnqueueReadImage");
     put(outcome.bytes, texels);
     pipeline.check(queue);
     return outcome;
@@ -277,7 +281,8 @@ Outcome cl_images(const clspeckle::Context &context) {
 
 // A folder of this process's own, removed with it.
 const std::string &own_folder() {
-    static const std::string path = (fs::temp_directory_path() / ("clspeckle-faults-" + std::to_string(::getpid()))).string();
+    static const std::string path =
+        (fs::temp_directory_path() / ("clspeckle-faults-" + std::to_string(::getpid()))).string();
     static const struct Cleaner {
         ~Cleaner() { fs::remove_all(path); }
     } cleaner;
@@ -397,11 +402,12 @@ Outcome depth(const clspeckle::Context &context) {
 // Stage by stage, without a pipeline; and one frame in one call.
 Outcome stages(const clspeckle::Context &context) {
     const clspeckle::Queue queue(context);
-    const clspeckle::Buffer ideal = light(context, queue), intensity(context, pixels * 4), distorted(context, pixels * 4),
-                            codes(context, pixels * 2), colors(context, pixels * 12),
+    const clspeckle::Buffer ideal = light(context, queue), intensity(context, pixels * 4),
+                            distorted(context, pixels * 4), codes(context, pixels * 2), colors(context, pixels * 12),
                             mask(context, queue, std::vector<std::uint8_t>(pixels, 1)), uniform(context, pixels * 4);
     const auto floats = [](const clspeckle::Buffer &buffer) { return buffer.image(side, side, CLSP_FORMAT_FLOAT32); };
-    const ClspImage bytes = mask.image(side, side, CLSP_FORMAT_UINT8), numbers = codes.image(side, side, CLSP_FORMAT_UINT16);
+    const ClspImage bytes = mask.image(side, side, CLSP_FORMAT_UINT8),
+                    numbers = codes.image(side, side, CLSP_FORMAT_UINT16);
     clspeckle::philox::enqueue_fill(context, queue, clspeckle::make<ClspPhiloxDesc>(), floats(uniform));
     auto phase_desc = clspeckle::make<ClspPhaseDesc>();
     auto aperture_desc = clspeckle::make<ClspApertureDesc>();
@@ -438,7 +444,8 @@ Outcome stages(const clspeckle::Context &context) {
     put(outcome.bytes, uniform.read<float>(queue, pixels));
     put(outcome.bytes, codes.read<std::uint16_t>(queue, pixels));
     put(outcome.bytes, colors.read<float>(queue, 3 * pixels));
-    put(outcome.bytes, clspeckle::simulate(std::vector<float>(pixels, 0.4f), side, side, 7, 0, nullptr, nullptr, context));
+    put(outcome.bytes,
+        clspeckle::simulate(std::vector<float>(pixels, 0.4f), side, side, 7, 0, nullptr, nullptr, context));
     return outcome;
 }
 
@@ -456,8 +463,8 @@ Outcome render_scene(const clspeckle::Context &context) {
     auto sensor_desc = clspeckle::make<ClspSensorDesc>();
     auto motion_desc = clspeckle::make<ClspMotionDesc>();
     for (auto *size : {&dots_desc.width, &dots_desc.height, &phase_desc.width, &phase_desc.height, &aperture_desc.width,
-                       &aperture_desc.height, &lens_desc.width, &lens_desc.height, &sensor_desc.width, &sensor_desc.height,
-                       &motion_desc.width, &motion_desc.height})
+                       &aperture_desc.height, &lens_desc.width, &lens_desc.height, &sensor_desc.width,
+                       &sensor_desc.height, &motion_desc.width, &motion_desc.height})
         *size = side;
     dots_desc.positions_px = positions.data();
     dots_desc.count = 3;
@@ -485,8 +492,8 @@ Outcome render_scene(const clspeckle::Context &context) {
     desc.sub_exposures = 2;
     const clspeckle::Pipeline pipeline(context, desc);
     const clspeckle::Buffer depth(context, queue, std::vector<float>(pixels, 1.0f)),
-        vectors(context, queue, std::vector<float>(2 * pixels, 0.6f)), ids(context, queue, std::vector<std::uint8_t>(pixels, 1)),
-        codes(context, pixels * 2);
+        vectors(context, queue, std::vector<float>(2 * pixels, 0.6f)),
+        ids(context, queue, std::vector<std::uint8_t>(pixels, 1)), codes(context, pixels * 2);
     auto input = clspeckle::make<ClspMotionInput>();
     input.depth = input.previous_depth = depth.image(side, side, CLSP_FORMAT_FLOAT32);
     input.motion = vectors.image(side, side, CLSP_FORMAT_FLOAT32X2);
@@ -510,7 +517,8 @@ Outcome render_scene(const clspeckle::Context &context) {
 Outcome statistics(const clspeckle::Context &context) {
     const clspeckle::Queue queue(context);
     const clspeckle::Buffer values = light(context, queue), mask(context, queue, std::vector<std::uint8_t>(pixels, 1));
-    const ClspImage image = values.image(side, side, CLSP_FORMAT_FLOAT32), counts = mask.image(side, side, CLSP_FORMAT_UINT8);
+    const ClspImage image = values.image(side, side, CLSP_FORMAT_FLOAT32),
+                    counts = mask.image(side, side, CLSP_FORMAT_UINT8);
     Outcome outcome;
     for (const ClspImage *chosen : {static_cast<const ClspImage *>(nullptr), &counts}) {
         const ClspMoments moments = clspeckle::statistics::moments(context, queue, image, chosen);
@@ -538,7 +546,8 @@ Outcome tune(const clspeckle::Context &context) {
         const faults::Aside aside;
         std::ifstream stream(record);
         const std::string text{std::istreambuf_iterator<char>(stream), {}};
-        return text.empty() || (text.find("\"records\"") != std::string::npos && text.compare(text.size() - 2, 2, "}\n") == 0);
+        return text.empty() ||
+               (text.find("\"records\"") != std::string::npos && text.compare(text.size() - 2, 2, "}\n") == 0);
     };
     Outcome outcome;
     try {
@@ -695,13 +704,15 @@ struct Left {
     }
 };
 std::ostream &operator<<(std::ostream &to, const Left &left) {
-    return to << left.objects << " OpenCL objects, " << left.descriptors << " open files, " << left.temporary << " temporary files";
+    return to << left.objects << " OpenCL objects, " << left.descriptors << " open files, " << left.temporary
+              << " temporary files";
 }
 Left left_behind() {
     const faults::Aside aside;
     Left left;
     left.objects = faults::live_objects();
-    left.descriptors = static_cast<std::size_t>(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
+    left.descriptors =
+        static_cast<std::size_t>(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
     for (const fs::directory_entry &entry : fs::recursive_directory_iterator(own_folder()))
         left.temporary += entry.path().string().find(".part") != std::string::npos;
     return left;
@@ -751,7 +762,9 @@ TEST_P(Faults, AreToldAndLeaveNothing) {
                         std::find(begun_anew.begin(), begun_anew.end(), outcome.bytes) != begun_anew.end();
                     EXPECT_TRUE(is_begun_anew || expected.bytes == outcome.bytes)
                         << "other bytes in silence after " << faults::failed() << ", from byte "
-                        << std::mismatch(outcome.bytes.begin(), outcome.bytes.end(), expected.bytes.begin(), expected.bytes.end()).first -
+                        << std::mismatch(outcome.bytes.begin(), outcome.bytes.end(), expected.bytes.begin(),
+                                         expected.bytes.end())
+                                   .first -
                                outcome.bytes.begin();
                     ++silent;
                 } catch (const clspeckle::Error &error) {
@@ -782,13 +795,14 @@ TEST_P(Faults, AreToldAndLeaveNothing) {
 INSTANTIATE_TEST_SUITE_P(
     All, Faults,
     ::testing::Values(Scenario{"moving", render_moving, 400, 200, 20, moving_begun_anew},
-                      Scenario{"lagging", render_lagging, 400, 100, 20, lag_begun_anew}, Scenario{"pattern", render_pattern, 300, 150, 20},
-                      Scenario{"scene", render_scene, 200, 100, 20}, Scenario{"stages", stages, 200, 100, 20},
-                      Scenario{"cl_images", cl_images, 200, 100, 20}, Scenario{"doe", doe, 60, 40, 20},
-                      Scenario{"doe_cached", doe_cached, 60, 30, 60}, Scenario{"doe_design", doe_design, 200, 100, 20},
-                      Scenario{"depth", depth, 200, 100, 20}, Scenario{"statistics", statistics, 200, 100, 20},
-                      Scenario{"tune", tune, 10, 10, 15}, Scenario{"diagnose", diagnose, 20, 20, 5},
-                      Scenario{"reports", reports, 0, 300, 40}, Scenario{"files", files, 0, 300, 200}, Scenario{"cold", cold, 40, 40, 40}),
+                      Scenario{"lagging", render_lagging, 400, 100, 20, lag_begun_anew},
+                      Scenario{"pattern", render_pattern, 300, 150, 20}, Scenario{"scene", render_scene, 200, 100, 20},
+                      Scenario{"stages", stages, 200, 100, 20}, Scenario{"cl_images", cl_images, 200, 100, 20},
+                      Scenario{"doe", doe, 60, 40, 20}, Scenario{"doe_cached", doe_cached, 60, 30, 60},
+                      Scenario{"doe_design", doe_design, 200, 100, 20}, Scenario{"depth", depth, 200, 100, 20},
+                      Scenario{"statistics", statistics, 200, 100, 20}, Scenario{"tune", tune, 10, 10, 15},
+                      Scenario{"diagnose", diagnose, 20, 20, 5}, Scenario{"reports", reports, 0, 300, 40},
+                      Scenario{"files", files, 0, 300, 200}, Scenario{"cold", cold, 40, 40, 40}),
     [](const auto &scenario) { return std::string(scenario.param.name); });
 
 // After all scenarios, where none was left out.

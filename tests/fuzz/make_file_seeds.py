@@ -106,7 +106,10 @@ def a_set() -> dict[str, bytes]:
         {"name": "board", "file": "board.raw", "scene": "board", "motion": "static", "raw": "16x12,16"},
     ]
     about = {key: value for key, value in CAPTURE.items() if key != "dots"}
-    files = {"capture.json": json.dumps({**about, "camera": camera, "sequences": sequences}).encode(), "dark.npy": stack.getvalue()}
+    files = {
+        "capture.json": json.dumps({**about, "camera": camera, "sequences": sequences}).encode(),
+        "dark.npy": stack.getvalue(),
+    }
     for number in range(2):
         files[f"flat_{number}.pgm"] = b"P5 16 12 1023\n" + (codes[number] + 200).astype(">u2").tobytes()
     files["mask.pgm"] = b"P5 16 12 255\n" + bytes([255] * 16 * 11 + [0] * 16)

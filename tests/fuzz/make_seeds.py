@@ -50,7 +50,9 @@ def main(folder: Path) -> None:
     for i, one in enumerate(pages.UNREADABLE.values()):
         (folder / "PNG" / f"unreadable_{i}.png").write_bytes(pages.png(codes, one))
     xmp = b'<rdf:Description tiff:Orientation="6"/>'
-    (folder / "PNG" / "xmp.png").write_bytes(pages.png(codes, pages.chunk(b"iTXt", b"XML:com.adobe.xmp" + 5 * b"\0" + xmp)))
+    (folder / "PNG" / "xmp.png").write_bytes(
+        pages.png(codes, pages.chunk(b"iTXt", b"XML:com.adobe.xmp" + 5 * b"\0" + xmp))
+    )
     Image.fromarray(codes).save(folder / "JPEG" / "xmp.jpg", xmp=xmp)
     with (folder / "PNG" / "short_palette.png").open("wb") as stream:
         colors = [(i, 9, 9) for i in range(15)]

@@ -1,7 +1,7 @@
 """All readers under libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer, and what fuzzers found before.
 
-In the night each reader runs for ten minutes (CLSPECKLE_FUZZ_SECONDS), begun from small files of its format or kind and from
-corpus/, which holds files that once were read wrongly. Every change reads those once, with sanitizers
+In the night each reader runs for ten minutes (CLSPECKLE_FUZZ_SECONDS), begun from small files of its format or kind and
+from corpus/, which holds files that once were read wrongly. Every change reads those once, with sanitizers
 (tests/sanitizers/test_fuzz_seeds.py). A tool that is missing is a failure.
 """
 
@@ -57,7 +57,8 @@ def fuzzers() -> Path:
     build = BUILD / "fuzz"
     run("cmake", "-G", "Ninja", "-S", ROOT, "-B", build, "-DCMAKE_C_COMPILER=clang", "-DCMAKE_CXX_COMPILER=clang++",
         "-DCMAKE_BUILD_TYPE=None", "-DCMAKE_C_FLAGS=-O1 -g1", "-DCMAKE_CXX_FLAGS=-O1 -g1", "-DCLSP_BUILD_FUZZERS=ON",
-        "-DCLSP_BUILD_TOOLS=ON", "-DCLSP_BUILD_EXAMPLES=OFF", "-DCLSP_BUILD_BENCH=OFF", "-DCLSP_BUILD_TESTS=OFF")  # fmt: skip
+        "-DCLSP_BUILD_TOOLS=ON", "-DCLSP_BUILD_EXAMPLES=OFF", "-DCLSP_BUILD_BENCH=OFF",
+        "-DCLSP_BUILD_TESTS=OFF")  # fmt: skip
     run("cmake", "--build", build, "--parallel", "2", "--target", "fuzz_images", "fuzz_files")
     return build / "bin"
 

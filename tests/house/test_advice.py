@@ -1,9 +1,9 @@
 """Every message that says what to type has a test that types it.
 
 advice.txt lists fragments of messages, each with the test that provokes the message and follows it; a dash stands where
-the words name something and advise nothing. What looks like such a message is found in all sources of the product: options
-and names of files in those that read, check and write files, and what begins with a word such as "use" or "give"
-everywhere."""
+the words name something and advise nothing. What looks like such a message is found in all sources of the product:
+options and names of files in those that read, check and write files, and what begins with a word such as "use" or
+"give" everywhere."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FILES = [
     *sorted((ROOT / "diagnosis" / "capture").glob("*.cpp")),
     *(ROOT / "tools" / f"{name}.cpp" for name in ("capture", "capture_init", "depth", "depth_files", "diagnose")),
     *(ROOT / "tools" / f"{name}.cpp" for name in ("doe_design", "doe_files", "doe_pattern", "files", "input")),
-    *(ROOT / "tools" / f"{name}.cpp" for name in ("render", "statistics")),
+    *(ROOT / "tools" / f"{name}.cpp" for name in ("plane_checks", "planes", "render", "scene_sequence", "statistics")),
 ]
 SOURCES = FILES + [
     path

@@ -1,4 +1,5 @@
-"""Product code does not know effects by their ids: what it needs of one stands in the effect's record, and the code asks that."""
+"""Product code does not know effects by their ids: what it needs of one stands in the effect's record, and the code
+asks that."""
 
 from __future__ import annotations
 
@@ -30,8 +31,10 @@ OTHERS = {
     "zero_order": {"tools/doe_design.cpp": "a number of a report",
                    "tools/doe_pattern.cpp": "a number of a report"},
 } | {
-    name: {"diagnosis/measure/gap_stages.cpp": "a statistic", "diagnosis/report/explanations.cpp": "a statistic and a quantity",
-           "diagnosis/statistics/quantities.cpp": "a quantity", "diagnosis/statistics/temporal_noise.cpp": "a statistic"}
+    name: {"diagnosis/measure/gap_stages.cpp": "a statistic",
+           "diagnosis/report/explanations.cpp": "a statistic and a quantity",
+           "diagnosis/statistics/quantities.cpp": "a quantity",
+           "diagnosis/statistics/temporal_noise.cpp": "a statistic"}
     for name in ("column_noise", "row_noise")
 }  # fmt: skip
 

@@ -1,4 +1,5 @@
-"""Arrows between files point one way: no new circle, no arrow to a folder above, no word of the C interface in the engine."""
+"""Arrows between files point one way: no new circle, no arrow to a folder above, no word of the C interface in the
+engine."""
 
 from __future__ import annotations
 

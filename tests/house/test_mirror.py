@@ -8,11 +8,19 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 # Tests of no folder's sources, and what they are of.
 OTHERS = {
-    "abi": "the shared library", "bindings/agreement": "the bindings, with each other", "concurrency": "threads and processes",
-    "faults": "calls that fail", "fuzz": "all readers", "house": "the repository", "install": "what is installed",
-    "memory": "memory over thousands of calls", "portability": "other compilers of kernels", "reference": "the oracle",
-    "runtimes": "other OpenCL runtimes", "sanitizers": "everything, under sanitizers",
-}  # fmt: skip
+    "abi": "the shared library",
+    "bindings/agreement": "the bindings, with each other",
+    "concurrency": "threads and processes",
+    "faults": "calls that fail",
+    "fuzz": "all readers",
+    "house": "the repository",
+    "install": "what is installed",
+    "memory": "memory over thousands of calls",
+    "portability": "other compilers of kernels",
+    "reference": "the oracle",
+    "runtimes": "other OpenCL runtimes",
+    "sanitizers": "everything, under sanitizers",
+}
 SOURCES = ("bench", "bindings", "capi", "core", "diagnosis", "docs", "examples", "io", "tools", "validation")
 
 
@@ -49,3 +57,13 @@ def test_programs_stand_with_the_sources_that_they_test() -> None:
         if source in homes and not any(is_below(home, [folder]) or is_below(folder, [home]) for home in homes[source]):
             wrong.append(f"{path.as_posix()}: {source} is in {', '.join(sorted(set(homes[source])))}")
     assert not wrong
+
+
+def test_whole_diagnoses_are_tests_of_the_room_that_runs_them() -> None:
+    """What a test of another room of the diagnosis needs, it makes without a verdict."""
+    tests = [
+        path for path in tracked() if path.as_posix().startswith("tests/diagnosis/") and path.suffix in (".cpp", ".hpp")
+    ]
+    others = [path for path in tests if path.parts[2] != "run"]
+    wrong = [path.as_posix() for path in others if '#include "run/' in (ROOT / path).read_text()]
+    assert len(others) > 20 and not wrong

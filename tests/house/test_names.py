@@ -13,13 +13,16 @@ HISTORY = ("CHANGELOG.md", "docs/results/archive.md", "tests/house/test_names.py
 # The older name, what it is called, and the files that read or explain it.
 OLD = {
     r"\bfused\b": ("cpu, gpu: the engines", {
-        "bench/native/butterflies.hpp", "capi/include/clspeckle/doe.h", "docs/method/model.md", "tools/doe_pattern.cpp",  # other words
-        "core/fft/engine_choices.cpp", "core/fft/engine_spec.cpp", "core/fft/engine_spec.hpp", "core/fft/plan/tuning_record.cpp",
-        "docs/guide/runtime.md", "tests/core/stages/engines/test_engines.py", "tests/core/tuning/test_tuning.py",
+        # Other words.
+        "bench/native/butterflies.hpp", "capi/include/clspeckle/doe.h", "docs/method/model.md", "tools/doe_pattern.cpp",
+        "core/fft/engine_choices.cpp", "core/fft/engine_spec.cpp", "core/fft/engine_spec.hpp",
+        "core/fft/plan/tuning_record.cpp", "docs/guide/runtime.md", "tests/core/stages/engines/test_engines.py",
+        "tests/core/tuning/test_tuning.py",
     }),
     r"\bfft_backend": ("fft_engine", {
-        "bindings/python/src/clspeckle/_generated.py", "capi/aperture.cpp", "capi/include/clspeckle/aperture.h", "docs/guide/runtime.md",
-        "tests/abi/clspeckle.abi", "tests/core/stages/aperture/test_aperture.cpp", "tests/core/tuning/test_tuning.cpp",
+        "bindings/python/src/clspeckle/_generated.py", "capi/aperture.cpp", "capi/include/clspeckle/aperture.h",
+        "docs/guide/runtime.md", "tests/abi/clspeckle.abi", "tests/core/stages/aperture/test_aperture.cpp",
+        "tests/core/tuning/test_tuning.cpp",
     }),
     r"first.?look": ("screening", set()),
     r"FftChoice": ("Engine", set()),

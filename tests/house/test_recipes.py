@@ -16,7 +16,8 @@ RECIPES = dict(re.findall(r"\*\*Add (.*?)\*\*(.*?)(?=\n\*\*|\Z)", PAGE.split("##
 STEPS = {
     "an effect": ("core/effects/effects.cpp", "tests/core/effects/", "docs/effects.md", "validation/gap_check/"),
     "a stage or kernel.": (
-        "kernels/stages/", "core/stages/", "core/pipeline/frame_plan.hpp", "tests/core/", "tests/sanitizers/all_stages.cpp",
+        "kernels/stages/", "core/stages/", "core/pipeline/frame_plan.hpp", "tests/core/",
+        "tests/sanitizers/all_stages.cpp",
     ),
     "a statistic.": ("diagnosis/statistics/", "tests/reference/gap_statistics.py", "docs/gap-statistics.md"),
 }  # fmt: skip

@@ -1,4 +1,5 @@
-"""The numbers that steer the inference stand in one struct, each with its unit, what it gates, and evidence that is there."""
+"""The numbers that steer the inference stand in one struct, each with its unit, what it gates, and evidence that is
+there."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ ANY_FIELD = re.compile(r"^ +(?:double|int|std::\w+) (\w+)(?:\[\d+\])? = .*;$", r
 NUMBER = re.compile(r"^ *(?:static )?constexpr (?:double|float|int|unsigned|std::\w+|Eigen::Index) ", re.MULTILINE)
 NAME = re.compile(r"\b(k[A-Z]\w*)(?:\[\])? =")
 
-# Numbers that decide nothing: mathematics, what the catalogue's ranges are meant for, seeds, memory, progress, a printed floor.
+# Numbers that decide nothing: mathematics, what the catalogue's ranges are meant for, seeds, memory, progress, a
+# printed floor.
 OTHERS = {
     "kDeviations95", "kRoundingDn", "kQuantizationVariance", "kSqrtTwoPi", "kMostTerms",
     "kCatalogueBits", "kCatalogueReadNoiseDn", "kScreeningStrengths",

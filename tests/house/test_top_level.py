@@ -7,12 +7,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
-    ".clang-format", ".gitignore", "CHANGELOG.md", "CITATION.cff", "CMakeLists.txt", "CMakePresets.json", "CONTRIBUTING.md",
-    "LICENSE", "README.md", "SECURITY.md", "pyproject.toml",
+    ".clang-format", ".gitignore", "CHANGELOG.md", "CITATION.cff", "CMakeLists.txt", "CMakePresets.json",
+    "CONTRIBUTING.md", "LICENSE", "README.md", "SECURITY.md", "pyproject.toml",
 }  # fmt: skip
 FOLDERS = {
-    ".ci", "bench", "bindings", "capi", "cmake", "core", "diagnosis", "docs", "examples", "io", "kernels", "packaging", "scripts",
-    "tests", "tools", "tuning", "validation",
+    ".ci", "bench", "bindings", "capi", "cmake", "core", "diagnosis", "docs", "examples", "io", "kernels",
+    "packaging", "scripts", "tests", "tools", "tuning", "validation",
 }  # fmt: skip
 
 

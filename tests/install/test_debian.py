@@ -119,7 +119,8 @@ def on_a_bare_system(stage: Path, folder: Path) -> str:
 
 @pytest.mark.nightly
 def test_the_containers_first_steps_on_a_bare_system(tmp_path: Path) -> None:
-    """What scripts/setup.sh installs is enough to configure the container's build. The build itself is the one above."""
+    """What scripts/setup.sh installs is enough to configure the container's build. The build itself is the one
+    above."""
     commands = [line.removeprefix("RUN ") for line in (ROOT / "scripts" / "Dockerfile").read_text().splitlines()
                 if line.startswith("RUN ")]  # fmt: skip
     assert commands[1].startswith("cmake -S . -B build-deb ")

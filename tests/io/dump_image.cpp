@@ -3,9 +3,9 @@
 // usage: clspeckle-image-dump FILE OUT [RAW]
 //
 // OUT gets the values of all frames as float32, or nothing if it is "-"; RAW describes raw frames. Prints width,
-// height, channels, opacity, frames, full scale and how numbers stand for light, then a line for each warning. A refusal goes to stderr, with exit
-// code 1. With CLSP_COUNT_WORK in the environment the last line of stdout counts what was done: bytes that zlib made,
-// bytes and calls of reads, bytes and blocks of operator new.
+// height, channels, opacity, frames, full scale and how numbers stand for light, then a line for each warning. A
+// refusal goes to stderr, with exit code 1. With CLSP_COUNT_WORK in the environment the last line of stdout counts what
+// was done: bytes that zlib made, bytes and calls of reads, bytes and blocks of operator new.
 #include "io/formats.hpp"
 #include "io/openexr.hpp"
 

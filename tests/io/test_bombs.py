@@ -1,8 +1,8 @@
 """Small files that promise much: no file of a megabyte takes more work than its pixels do, or 200 MB beyond them.
 
-What is refused is refused with words; what is read is read within the bounds. Work is counted: what zlib makes, what is read and
-how often, and what is allocated. The program of dump_image.cpp, which counts, lies beside the command line program. At night
-each of them takes less than a second of the processor, too."""
+What is refused is refused with words; what is read is read within the bounds. Work is counted: what zlib makes, what is
+read and how often, and what is allocated. The program of dump_image.cpp, which counts, lies beside the command line
+program. At night each of them takes less than a second of the processor, too."""
 
 from __future__ import annotations
 
@@ -93,7 +93,15 @@ def png(side: int, bits: int = 8, color: int = 0, interlaced: int = 0, extra: by
 def tiff(path: Path, **tags: int) -> None:
     """One deflated strip or tile, whose directory is then made to promise more."""
     entries = {256: 16, 257: 16, 258: 8, 259: 8, 262: 1, 277: 1, 278: 16, 273: 8, 279: 0}
-    names = {"width": 256, "height": 257, "bits": 258, "compression": 259, "rows": 278, "tile_width": 322, "tile_height": 323}
+    names = {
+        "width": 256,
+        "height": 257,
+        "bits": 258,
+        "compression": 259,
+        "rows": 278,
+        "tile_width": 322,
+        "tile_height": 323,
+    }
     size = tags.pop("bytes")
     data = zeros(size) if tags.get("compression", 8) == 8 else bytes([129, 0]) * (size // 128)
     for name, value in tags.items():
@@ -219,7 +227,10 @@ BOMBS: dict[str, tuple[Callable[[Path], object], int]] = {
     "large_strip.tiff": (lambda p: tiff(p, bytes=SIDE * SIDE, width=SIDE, height=SIDE, rows=SIDE), SIDE * SIDE),
     "large_tile.tiff": (lambda p: tiff(p, bytes=300 << 20, tile_width=32768, tile_height=32768), 256),
     "long_strip.tiff": (lambda p: tiff(p, bytes=300 << 20, width=64, height=64, rows=64), 4096),
-    "runs.tiff": (lambda p: tiff(p, bytes=60 << 20, width=8192, height=7680, rows=7680, compression=32773), 8192 * 7680),
+    "runs.tiff": (
+        lambda p: tiff(p, bytes=60 << 20, width=8192, height=7680, rows=7680, compression=32773),
+        8192 * 7680,
+    ),
     "pages.tiff": (many_pages, 256),
     "largest.jpg": (lambda p: jpeg(p, 9000, "L", False), 9000 * 9000),
     "gray.jpg": (lambda p: jpeg(p, 7000, "L", False), 7000 * 7000),

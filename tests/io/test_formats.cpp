@@ -71,7 +71,8 @@ TEST_F(Formats, EveryFileOfTheFolderIsAFormatWithAWholeRecord) {
 
 TEST_F(Formats, ErrorsNameWhatIsReadHere) {
     const std::string text = file("a.png", "no image"), exr = file("a.exr", "\x76\x2f\x31\x01 and more");
-    EXPECT_NE(refused(text).find("is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw file (the content decides"),
+    EXPECT_NE(refused(text).find(
+                  "is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw file (the content decides"),
               std::string::npos);
     EXPECT_NE(refused(exr).find("of the format EXR, which is not read here; PNG, TIFF, Radiance HDR, NPY, PNM, "
                                "JPEG, BMP, TGA and raw are"),

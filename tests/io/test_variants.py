@@ -158,7 +158,9 @@ def test_little_endian_words_are_told_and_the_advice_reads_them(tmp_path: Path, 
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("mode", ["L", "RGB"])
-@pytest.mark.parametrize("options", [{}, {"progressive": True}, {"quality": 100}, {"subsampling": 0}, {"optimize": True}])
+@pytest.mark.parametrize(
+    "options", [{}, {"progressive": True}, {"quality": 100}, {"subsampling": 0}, {"optimize": True}]
+)
 def test_jpeg(tmp_path: Path, size: tuple[int, int], mode: str, options: dict) -> None:
     if mode == "L" and "subsampling" in options:
         options = {"restart_marker_blocks": 1}
@@ -214,12 +216,23 @@ def test_bmp(tmp_path: Path, size: tuple[int, int], mode: str) -> None:
     given.check(expected, 255)
     assert given.channels == (1 if mode in "1L" else 3 + given.alpha)
     with Image.open(tmp_path / "a.bmp") as read:
-        np.testing.assert_array_equal(np.asarray(read.convert("RGB") if mode == "RGBA" else read).astype(int).squeeze()
-                                      * (255 if mode == "1" else 1), np.squeeze(expected))
+        np.testing.assert_array_equal(
+            np.asarray(read.convert("RGB") if mode == "RGBA" else read).astype(int).squeeze()
+            * (255 if mode == "1" else 1),
+            np.squeeze(expected),
+        )
 
 
-def bmp(rows: bytes, size: tuple[int, int], bits: int, palette: bytes = b"", header: int = 40, compression: int = 0,
-        masks: tuple[int, ...] = (), space: int = 0) -> bytes:
+def bmp(
+    rows: bytes,
+    size: tuple[int, int],
+    bits: int,
+    palette: bytes = b"",
+    header: int = 40,
+    compression: int = 0,
+    masks: tuple[int, ...] = (),
+    space: int = 0,
+) -> bytes:
     """By hand: headers that Pillow does not write. rows from the bottom, each padded to 4 bytes."""
     info = struct.pack("<IiiHHIIiiII", header, *size, 1, bits, compression, len(rows), 2835, 2835, 0, 0)
     if header > 40:
@@ -282,8 +295,21 @@ def bmp_case(name: str) -> tuple[bytes, Array | None]:
 
 @pytest.mark.parametrize(
     "name",
-    ["top_down", "v4", "v5", "color_palette", "four_bits", "masks", "v4_masks", "other_masks", "sixteen_bits",
-     "short_palette", "runs", "os2", "cut_short"],
+    [
+        "top_down",
+        "v4",
+        "v5",
+        "color_palette",
+        "four_bits",
+        "masks",
+        "v4_masks",
+        "other_masks",
+        "sixteen_bits",
+        "short_palette",
+        "runs",
+        "os2",
+        "cut_short",
+    ],
 )
 def test_bmp_by_hand(tmp_path: Path, name: str) -> None:
     data, expected = bmp_case(name)
@@ -321,10 +347,31 @@ def test_tga(tmp_path: Path, size: tuple[int, int], mode: str, compression: str 
     assert given.alpha == (mode in ("LA", "RGBA"))
 
 
-def tga(pixels: bytes, size: tuple[int, int], kind: int, bits: int, flags: int = 0x20, palette: bytes = b"",
-        colors: int = 0, first: int = 0, name: bytes = b"") -> bytes:
-    header = struct.pack("<BBBHHBHHHHBB", len(name), 1 if palette else 0, kind, first, colors, 24 if palette else 0, 0, 0,
-                         *size, bits, flags)
+def tga(
+    pixels: bytes,
+    size: tuple[int, int],
+    kind: int,
+    bits: int,
+    flags: int = 0x20,
+    palette: bytes = b"",
+    colors: int = 0,
+    first: int = 0,
+    name: bytes = b"",
+) -> bytes:
+    header = struct.pack(
+        "<BBBHHBHHHHBB",
+        len(name),
+        1 if palette else 0,
+        kind,
+        first,
+        colors,
+        24 if palette else 0,
+        0,
+        0,
+        *size,
+        bits,
+        flags,
+    )
     return header + name + palette + pixels
 
 

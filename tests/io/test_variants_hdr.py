@@ -209,9 +209,15 @@ def test_exr_windows_and_tiles(tmp_path: Path, window: tuple[int, int]) -> None:
             Dump(tmp_path / "b.exr").check(values, 0)
 
 
-LOSSY = {"pxr24": ("float", "Y"), "b44": ("half", "Y"), "b44a": ("half", "Y"), "dwaa": ("float", "Y"), "dwab": ("half", "Y")}
-KEEPS = {"pxr24": ("half", "Y"), "b44": ("float", "Y"), "b44a": ("float", "Y"), "dwaa": ("float", "IR"), "dwab": ("uint", "Y"),
-         "zip": ("float", "Y"), "piz": ("half", "Y"), "none": ("float", "Y")}  # fmt: skip
+LOSSY = {
+    "pxr24": ("float", "Y"),
+    "b44": ("half", "Y"),
+    "b44a": ("half", "Y"),
+    "dwaa": ("float", "Y"),
+    "dwab": ("half", "Y"),
+}
+KEEPS = {"pxr24": ("half", "Y"), "b44": ("float", "Y"), "b44a": ("float", "Y"), "dwaa": ("float", "IR"),
+         "dwab": ("uint", "Y"), "zip": ("float", "Y"), "piz": ("half", "Y"), "none": ("float", "Y")}  # fmt: skip
 
 
 def test_lossy_compressions_are_told(tmp_path: Path) -> None:
@@ -219,7 +225,9 @@ def test_lossy_compressions_are_told(tmp_path: Path) -> None:
     for compression, (kind, name) in LOSSY.items():
         images.exr(tmp_path / "a.exr", {name: plane((64, 48), kind)}, compression=COMPRESSIONS[compression])
         given = Dump(tmp_path / "a.exr")
-        assert [w for w in given.warnings if "is lossy. Where intensities matter save it with ZIP or PIZ" in w], compression
+        assert [w for w in given.warnings if "is lossy. Where intensities matter save it with ZIP or PIZ" in w], (
+            compression
+        )
         assert (given.values[0] != plane((64, 48), kind)).any(), compression
         images.exr(tmp_path / "b.exr", {name: plane((64, 48), kind)}, compression=OpenEXR.PIZ_COMPRESSION)
         assert Dump(tmp_path / "b.exr").warnings == []
@@ -233,9 +241,9 @@ def test_lossy_compressions_are_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize("attribute", ["oiio:ColorSpace", "colorInteropID"])
 def test_color_spaces_by_name(tmp_path: Path, attribute: str) -> None:
     for space, transfer in {
-        "sRGB": "sRGB", "srgb_rec709_scene": "sRGB", "g22_rec709": "the power 2.2", "lin_rec709": "linear", "Linear": "linear",
-        "lin_srgb": "linear", "scene_linear": "linear", "ACEScg": "linear", "raw": "linear", "data": "linear",
-        "ACEScct": 'the color space "ACEScct", which is not known here',
+        "sRGB": "sRGB", "srgb_rec709_scene": "sRGB", "g22_rec709": "the power 2.2", "lin_rec709": "linear",
+        "Linear": "linear", "lin_srgb": "linear", "scene_linear": "linear", "ACEScg": "linear", "raw": "linear",
+        "data": "linear", "ACEScct": 'the color space "ACEScct", which is not known here',
     }.items():  # fmt: skip
         images.exr(tmp_path / "a.exr", {"Y": plane((8, 4), "float")}, **{attribute: space})
         given = Dump(tmp_path / "a.exr")
@@ -245,10 +253,15 @@ def test_color_spaces_by_name(tmp_path: Path, attribute: str) -> None:
 
 def test_views_of_one_file_are_told(tmp_path: Path) -> None:
     """The advice names the other view."""
-    planes = {f"{view}{name}": plane((8, 4), "half", i) for i, (view, name) in enumerate((v, n) for v in ("", "right.") for n in "RGB")}
+    planes = {
+        f"{view}{name}": plane((8, 4), "half", i)
+        for i, (view, name) in enumerate((v, n) for v in ("", "right.") for n in "RGB")
+    }
     images.exr(tmp_path / "a.exr", planes, multiView=["left", "right"])
     given = Dump(tmp_path / "a.exr")
     [warning] = given.warnings
-    assert warning.startswith("it holds the views left, right, of which left is taken; name one behind the file's name, for example ")
+    assert warning.startswith(
+        "it holds the views left, right, of which left is taken; name one behind the file's name, for example "
+    )
     np.testing.assert_array_equal(given.values[0][..., 0], planes["R"].astype(np.float32))
     assert warning.endswith(f"{tmp_path / 'a.exr'}:right")

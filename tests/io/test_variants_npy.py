@@ -181,7 +181,9 @@ def test_types_that_are_no_numbers_here(tmp_path: Path, dtype: str) -> None:
     advice = re.search(r": save (.*)$", error)
     assert advice
     for way in advice[1].strip().split(", or "):
-        np.save(tmp_path / "b.npy", eval(way, {"numpy": np, "array": np.ones((9, 14), dtype if dtype != "S4" else "f8")}))
+        np.save(
+            tmp_path / "b.npy", eval(way, {"numpy": np, "array": np.ones((9, 14), dtype if dtype != "S4" else "f8")})
+        )
         Dump(tmp_path / "b.npy").check(np.ones((9, 14)), 0)
 
 
@@ -199,7 +201,9 @@ def test_records_have_a_way_out(tmp_path: Path) -> None:
 def test_numbers_in_a_text_have_a_way_out(tmp_path: Path, text: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text)
-    advice = re.search(r"save its array as NPY: numpy\.save\(\"image\.npy\", (numpy\.loadtxt\(.*\))\)$", Dump(path).error.strip())
+    advice = re.search(
+        r"save its array as NPY: numpy\.save\(\"image\.npy\", (numpy\.loadtxt\(.*\))\)$", Dump(path).error.strip()
+    )
     assert advice
     array = eval(advice[1], {"numpy": np})
     np.save(tmp_path / "image.npy", array)

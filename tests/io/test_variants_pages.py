@@ -1,4 +1,5 @@
-"""Several images in one file, and words that change what numbers mean: as an independent reader sees them, or refused."""
+"""Several images in one file, and words that change what numbers mean: as an independent reader sees them, or
+refused."""
 
 from __future__ import annotations
 
@@ -224,7 +225,10 @@ WORDS: dict[str, tuple[dict, str]] = {
     "white": ({"photometric": "miniswhite"}, "0 is white"),
     "turned": ({"extratags": [(274, 3, 1, 6, True)]}, "orientation 6"),
     "lossy": ({"lossy": True}, "lossy"),
-    "profile": ({"iccprofile": ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()}, "an ICC profile of"),
+    "profile": (
+        {"iccprofile": ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()},
+        "an ICC profile of",
+    ),
     "table": ({"extratags": [(301, 3, 256, tuple(range(256)), True)]}, "a table of light"),
 }
 
@@ -277,15 +281,21 @@ def test_orientation_is_told(tmp_path: Path, orientation: int) -> None:
         told = [warning for warning in given.warnings if f"(orientation {orientation})" in warning]
         assert len(told) == (0 if orientation == 1 else 1)
 
-@pytest.mark.parametrize("form", [' tiff:Orientation="{}"/>', "><tiff:Orientation>{}</tiff:Orientation></rdf:Description>"])
+
+@pytest.mark.parametrize(
+    "form", [' tiff:Orientation="{}"/>', "><tiff:Orientation>{}</tiff:Orientation></rdf:Description>"]
+)
 def test_orientation_in_xmp_is_told(tmp_path: Path, form: str) -> None:
     """As photo editors write it, alone or beside EXIF data that say the same."""
     for orientation, exif_too in ((1, False), (6, False), (8, True)):
         exif = Image.Exif()
         if exif_too:
             exif[0x0112] = orientation
-        packet = ('<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description xmlns:tiff="http://ns.adobe.com/tiff/1.0/"'
-                  + form.format(orientation) + "</x:xmpmeta>")
+        packet = (
+            '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description xmlns:tiff="http://ns.adobe.com/tiff/1.0/"'
+            + form.format(orientation)
+            + "</x:xmpmeta>"
+        )
         text = PngImagePlugin.PngInfo()
         text.add_itxt("XML:com.adobe.xmp", packet)
         Image.fromarray(STACK[0]).save(tmp_path / "a.png", pnginfo=text, exif=exif)
@@ -343,9 +353,22 @@ CURVES = {
     "iCCP linear": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve()))),), "linear"),
     "iCCP gamma 1.8": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(1.8)))),), "the power 1.801"),
     "iCCP table": ((chunk(b"iCCP", b"p\0\0" + zlib.compress(gray_profile(curve(0, 9, 99)))),), "a table of 3 numbers"),
-    **{f"cICP {code}": ((chunk(b"cICP", bytes([1, code, 0, 1])),), name) for code, name in {
-        1: "BT.709", 4: "the power 2.2", 5: "the power 2.8", 6: "BT.709", 8: "linear", 13: "sRGB", 14: "BT.709",
-        15: "BT.709", 16: "PQ", 17: "the transfer characteristics 17", 18: "HLG"}.items()},
+    **{
+        f"cICP {code}": ((chunk(b"cICP", bytes([1, code, 0, 1])),), name)
+        for code, name in {
+            1: "BT.709",
+            4: "the power 2.2",
+            5: "the power 2.8",
+            6: "BT.709",
+            8: "linear",
+            13: "sRGB",
+            14: "BT.709",
+            15: "BT.709",
+            16: "PQ",
+            17: "the transfer characteristics 17",
+            18: "HLG",
+        }.items()
+    },
     "cICP narrow": ((chunk(b"cICP", bytes([1, 13, 0, 0])),), "a narrow range"),
     "cICP over the others": ((gamma(1), icc("sRGB"), chunk(b"cICP", bytes([9, 16, 0, 1]))), "PQ"),
     "sBIT": ((chunk(b"sBIT", b"\x08"),), "linear"),
@@ -439,8 +462,8 @@ def test_light_of_cicp(tmp_path: Path, code: int) -> None:
     else:
         values = np.linspace(0, 65535, 40).astype(np.uint16)[None]
     (tmp_path / "a.png").write_bytes(png(np.repeat(values, 8, axis=0), chunk(b"cICP", bytes([1, code, 0, 1]))))
-    done = subprocess.run([cli, "render", "a.png", "-o", "out", "--save-ideal", "--no-preview"], cwd=tmp_path, check=True,
-                          capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run([cli, "render", "a.png", "-o", "out", "--save-ideal", "--no-preview"], cwd=tmp_path,
+                          check=True, capture_output=True, text=True)  # fmt: skip
     assert "says its chunk cICP) and were decoded" in done.stderr
     given = np.load(tmp_path / "out" / "ideal_000000.npy")[0]
     np.testing.assert_allclose(given, LIGHT[code](values[0] / 65535.0), rtol=2e-3, atol=1e-6)

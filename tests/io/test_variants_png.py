@@ -21,8 +21,8 @@ def test_pypng(tmp_path: Path, kind: str, interlace: bool) -> None:
     for size in SIZES:
         for bits in (1, 2, 4, 8, 16) if kind == "gray" else (8, 16):
             rows = noise(size, channels, 2**bits - 1).reshape(size[1], -1)
-            writer = png.Writer(*size, greyscale=channels < 3, alpha=channels % 2 == 0, bitdepth=bits, interlace=interlace,
-                                compression=int(size[0] % 10))  # fmt: skip
+            writer = png.Writer(*size, greyscale=channels < 3, alpha=channels % 2 == 0, bitdepth=bits,
+                                interlace=interlace, compression=int(size[0] % 10))  # fmt: skip
             with (tmp_path / "a.png").open("wb") as stream:
                 writer.write(stream, rows.tolist())
             _, _, read, _ = png.Reader(filename=str(tmp_path / "a.png")).read()

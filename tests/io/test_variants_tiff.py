@@ -25,7 +25,15 @@ def bit_rows(codes: Array, bits: int) -> bytes:
 
 def tiff_of(data: bytes, size: tuple[int, int], bits: int, order: str = "<", **tags: int | tuple[int, ...]) -> bytes:
     """One strip by hand: what tifffile writes only with further packages."""
-    names = {"photometric": 262, "channels": 277, "format": 339, "fill_order": 266, "colors": 320, "planar": 284, "compression": 259}
+    names = {
+        "photometric": 262,
+        "channels": 277,
+        "format": 339,
+        "fill_order": 266,
+        "colors": 320,
+        "planar": 284,
+        "compression": 259,
+    }
     entries: dict[int, int | tuple[int, ...]] = {
         256: size[0], 257: size[1], 258: bits, 259: 1, 262: 1, 277: 1, 278: size[1], 279: len(data), 273: 8,
         **{names[name]: value for name, value in tags.items()},
@@ -195,7 +203,9 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str, Callable[[Path], object]
         minisblack,
     ),
     "volume": (
-        lambda p: tifffile.imwrite(p, np.stack([noise(SIZE)] * 3), volumetric=True, tile=(3, 16, 16), photometric="minisblack"),
+        lambda p: tifffile.imwrite(
+            p, np.stack([noise(SIZE)] * 3), volumetric=True, tile=(3, 16, 16), photometric="minisblack"
+        ),
         "holds a volume of 3 images in one page (tag ImageDepth). Save tifffile.imwrite(",
         lambda p: tifffile.imwrite(p, tifffile.imread(p), photometric="minisblack"),
     ),

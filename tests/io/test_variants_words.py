@@ -74,7 +74,9 @@ def test_what_a_format_keeps_behind_its_pixels_is_no_surplus(tmp_path: Path) -> 
     assert given.warnings == []
 
 
-def bmp_with(values: np.ndarray, space: int, gammas: tuple[int, ...] = (0, 0, 0), behind: bytes = b"", size: int | None = None) -> bytes:
+def bmp_with(
+    values: np.ndarray, space: int, gammas: tuple[int, ...] = (0, 0, 0), behind: bytes = b"", size: int | None = None
+) -> bytes:
     """Of version 5, with what its header says of light."""
     gray = values.ndim == 2
     data = bytearray(bmp(bmp_rows(values), values.shape[1::-1], 8 if gray else 24, GRAY if gray else b"", header=124))
@@ -112,7 +114,9 @@ def tga_with_gamma(values: np.ndarray, gamma: tuple[int, int], aspect: tuple[int
     return pixels + bytes(extension) + tga_footer(len(pixels))
 
 
-@pytest.mark.parametrize(("gamma", "says"), [((22, 10), "the power 2.2"), ((1, 1), "linear"), ((0, 0), "linear"), ((0, 5), "the power 0")])
+@pytest.mark.parametrize(
+    ("gamma", "says"), [((22, 10), "the power 2.2"), ((1, 1), "linear"), ((0, 0), "linear"), ((0, 5), "the power 0")]
+)
 def test_tga_tells_its_gamma(tmp_path: Path, gamma: tuple[int, int], says: str) -> None:
     (tmp_path / "a.tga").write_bytes(tga_with_gamma(noise((8, 4)), gamma))
     assert Dump(tmp_path / "a.tga").transfer == says
@@ -143,7 +147,9 @@ def test_numbers_that_imagej_calibrates_by_a_line_are_taken_so(tmp_path: Path, d
     imagej(tmp_path / "a.tif", values, *LINE, **options)
     given = Dump(tmp_path / "a.tif")
     given.check(values * 0.25 - 0.5, 0)
-    assert given.warnings == ["its numbers are calibrated by ImageJ and were taken so: -0.5 + 0.25 times the number that is stored, in mm"]
+    assert given.warnings == [
+        "its numbers are calibrated by ImageJ and were taken so: -0.5 + 0.25 times the number that is stored, in mm"
+    ]
 
 
 def test_a_stack_of_imagej_is_calibrated(tmp_path: Path) -> None:
@@ -178,7 +184,10 @@ def test_imagej_without_a_calibration(tmp_path: Path, lines: tuple[str, ...]) ->
     assert given.warnings == []
 
 
-@pytest.mark.parametrize("lines", [("cf=1", "c0=0", "c1=1", "c2=1"), ("cf=21",), ("cf=0",), ("cf=0", "c0=1", "c1=0"), ("cf=0", "c0=nan", "c1=1")])
+@pytest.mark.parametrize(
+    "lines",
+    [("cf=1", "c0=0", "c1=1", "c2=1"), ("cf=21",), ("cf=0",), ("cf=0", "c0=1", "c1=0"), ("cf=0", "c0=nan", "c1=1")],
+)
 def test_curves_of_imagej_are_refused_with_a_way_out(tmp_path: Path, lines: tuple[str, ...]) -> None:
     path = tmp_path / "a.tif"
     imagej(path, noise((41, 23)), *lines)
@@ -189,8 +198,16 @@ def test_curves_of_imagej_are_refused_with_a_way_out(tmp_path: Path, lines: tupl
 
 
 def gdal(path: Path, values: np.ndarray, **items: float) -> None:
-    text = "".join(f'<Item name="{role.upper()}" sample="0" role="{role}">{number}</Item>' for role, number in items.items())
-    tifffile.imwrite(path, values, metadata=None, photometric="rgb" if values.ndim == 3 else "minisblack", extratags=[(42112, "s", 0, f"<GDALMetadata>{text}</GDALMetadata>", True)])
+    text = "".join(
+        f'<Item name="{role.upper()}" sample="0" role="{role}">{number}</Item>' for role, number in items.items()
+    )
+    tifffile.imwrite(
+        path,
+        values,
+        metadata=None,
+        photometric="rgb" if values.ndim == 3 else "minisblack",
+        extratags=[(42112, "s", 0, f"<GDALMetadata>{text}</GDALMetadata>", True)],
+    )
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
@@ -199,7 +216,9 @@ def test_scale_and_offset_of_gdal_are_applied(tmp_path: Path, dtype: type) -> No
     gdal(tmp_path / "a.tif", values, scale=0.25, offset=-3)
     given = Dump(tmp_path / "a.tif")
     given.check(values * 0.25 - 3.0, 0)
-    assert given.warnings == ["its numbers are calibrated by GDAL and were taken so: -3 + 0.25 times the number that is stored"]
+    assert given.warnings == [
+        "its numbers are calibrated by GDAL and were taken so: -3 + 0.25 times the number that is stored"
+    ]
     for items in ({}, {"scale": 1, "offset": 0}, {"description": 3}):
         gdal(tmp_path / "a.tif", values, **items)
         given = Dump(tmp_path / "a.tif")
@@ -234,7 +253,10 @@ def test_raw_data_of_cameras_have_a_way_out(tmp_path: Path, photometric: int) ->
     values = noise((41, 23), 1, 1023)
     path = tmp_path / "a.tif"
     path.write_bytes(test_variants_tiff.tiff_of(values.tobytes(), (41, 23), 16, photometric=photometric))
-    advice = re.search(r"(tifffile\.imwrite\(new_path, image, photometric=\"minisblack\"\)); .* (image\[0::2, 0::2\])", Dump(path).error)
+    advice = re.search(
+        r"(tifffile\.imwrite\(new_path, image, photometric=\"minisblack\"\)); .* (image\[0::2, 0::2\])",
+        Dump(path).error,
+    )
     assert advice
     for image in (values, eval(advice[2], {"image": values})):
         eval(advice[1], {"tifffile": tifffile, "new_path": tmp_path / "b.tif", "image": image})
@@ -282,15 +304,21 @@ def test_exif_data_that_cannot_be_read_are_told(tmp_path: Path) -> None:
     good[0x0112] = 1
     values = noise((41, 23))
     whole = chunk(b"eXIf", good.tobytes()[6:])
-    for one, told in ((whole, 0), (broken_sum(whole), 1), (chunk(b"eXIf", b"garbage" * 9), 1),
-                      (chunk(b"eXIf", b"II*\0\xff\xff\0\0"), 1)):
+    for one, told in (
+        (whole, 0),
+        (broken_sum(whole), 1),
+        (chunk(b"eXIf", b"garbage" * 9), 1),
+        (chunk(b"eXIf", b"II*\0\xff\xff\0\0"), 1),
+    ):
         (tmp_path / "a.png").write_bytes(png(values, one))
         given = Dump(tmp_path / "a.png")
         given.check(values, 255)
         assert len([w for w in given.warnings if w.startswith("its chunk eXIf cannot be read")]) == told
     for data, told in ((good.tobytes(), 0), (b"Exif\0\0" + b"garbage" * 9, 1)):
         Image.fromarray(values).save(tmp_path / "a.jpg", exif=data)
-        assert len([w for w in Dump(tmp_path / "a.jpg").warnings if w.startswith("its EXIF data cannot be read")]) == told
+        assert (
+            len([w for w in Dump(tmp_path / "a.jpg").warnings if w.startswith("its EXIF data cannot be read")]) == told
+        )
 
 
 def tagged(path: Path, values: np.ndarray, *tags: tuple) -> Dump:
@@ -336,7 +364,9 @@ def test_physical_values_of_png_are_told(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(data[:at] + calibration + data[at:])
     given = Dump(tmp_path / "a.png")
     given.check(noise((13, 6)), 255)
-    assert given.warnings == ["the physical values that its chunk pCAL gives its numbers are ignored; they are taken as stored"]
+    assert given.warnings == [
+        "the physical values that its chunk pCAL gives its numbers are ignored; they are taken as stored"
+    ]
 
 
 def named_pages(path: Path, tag: int, names: list[str]) -> Dump:
@@ -354,7 +384,8 @@ def test_pages_of_several_names_are_no_series(tmp_path: Path, tag: int) -> None:
         assert "holds images that are no series: page 0 13 x 6, 1 x 8 bits, called" in error, names
         assert f'"{names[1].split()[0]}"' in error and f"{tmp_path / 'a.tif'}:page=0" in error
     for names in (
-        ["frame 1", "frame 2"], ["Frame0001.tif", "Frame0002.tif"], ["1a2f", "b33c9"], ["12.5 ms", "25 ms"], ["", "other"],
+        ["frame 1", "frame 2"], ["Frame0001.tif", "Frame0002.tif"], ["1a2f", "b33c9"], ["12.5 ms", "25 ms"], ["",
+                                                                                                              "other"],
         ['{"camera": "left"}', '{"camera": "right"}'], ["gain=1\nfocus=near", "gain=1\nfocus=far"],
     ):  # fmt: skip
         given = named_pages(tmp_path / "a.tif", tag, names)

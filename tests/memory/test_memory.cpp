@@ -67,8 +67,8 @@ TEST(Memory, TwentyThousandFrames) {
     EXPECT_LT(growth, 1024.0);
 }
 
-// 100 buffers of 64 MiB, each of them filled and let go while its write may still be under way. One that stayed would show as
-// 65,536 KiB; the bound is two of them.
+// 100 buffers of 64 MiB, each of them filled and let go while its write may still be under way. One that stayed would
+// show as 65,536 KiB; the bound is two of them.
 TEST(Memory, LargeBuffersAreGivenBack) {
     const clspeckle::Context context;
     const clspeckle::Queue queue(context);

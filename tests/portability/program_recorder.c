@@ -1,6 +1,7 @@
-// Preloaded, it writes every OpenCL program that a process builds into the folder CLSP_RECORDED_PROGRAMS: NNNN.cl, and its options in
-// NNNN.options. tests/portability compiles them for devices that are not at hand. CLSP_RECORDED_VECTOR_WIDTH, if set, is the width of floats
-// that every device says its vectors have: programs are made as for that.
+// Preloaded, it writes every OpenCL program that a process builds into the folder CLSP_RECORDED_PROGRAMS: NNNN.cl, and
+// its options in NNNN.options. tests/portability compiles them for devices that are not at hand.
+// CLSP_RECORDED_VECTOR_WIDTH, if set, is the width of floats that every device says its vectors have: programs are made
+// as for that.
 #define _GNU_SOURCE
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
@@ -14,7 +15,8 @@
 enum { max_programs = 4096 };
 
 static pthread_mutex_t guard = PTHREAD_MUTEX_INITIALIZER;
-static cl_program programs[max_programs]; // by number; a handle that was released and given out again: the later one counts
+static cl_program
+    programs[max_programs]; // by number; a handle that was released and given out again: the later one counts
 static int program_count;
 
 static FILE *open_record(int number, const char *extension) {
@@ -29,7 +31,8 @@ static FILE *open_record(int number, const char *extension) {
     return file;
 }
 
-cl_program clCreateProgramWithSource(cl_context context, cl_uint count, const char **strings, const size_t *lengths, cl_int *status) {
+cl_program clCreateProgramWithSource(cl_context context, cl_uint count, const char **strings, const size_t *lengths,
+                                     cl_int *status) {
     static cl_program (*create)(cl_context, cl_uint, const char **, const size_t *, cl_int *);
     pthread_mutex_lock(&guard);
     if (!create)
@@ -48,7 +51,8 @@ cl_program clCreateProgramWithSource(cl_context context, cl_uint count, const ch
 
 cl_int clBuildProgram(cl_program program, cl_uint count, const cl_device_id *devices, const char *options,
                       void(CL_CALLBACK *notify)(cl_program, void *), void *user_data) {
-    static cl_int (*build)(cl_program, cl_uint, const cl_device_id *, const char *, void(CL_CALLBACK *)(cl_program, void *), void *);
+    static cl_int (*build)(cl_program, cl_uint, const cl_device_id *, const char *,
+                           void(CL_CALLBACK *)(cl_program, void *), void *);
     pthread_mutex_lock(&guard);
     if (!build)
         *(void **)&build = dlsym(RTLD_NEXT, "clBuildProgram");

@@ -1,6 +1,6 @@
-"""Every kernel, compiled for devices that need not be at hand: AMD's and NVIDIA's GPUs to machine code, and to SPIR for a device without
-any extension (no double precision, as Intel's GPUs), by clang. Calls of built-in functions stay open, as no device's library is linked. The
-options are those that all_stages takes, not all that there are.
+"""Every kernel, compiled for devices that need not be at hand: AMD's and NVIDIA's GPUs to machine code, and to SPIR for
+a device without any extension (no double precision, as Intel's GPUs), by clang. Calls of built-in functions stay open,
+as no device's library is linked. The options are those that all_stages takes, not all that there are.
 
 PoCL takes its clang's extensions for granted; what only it accepts is found here.
 """
@@ -34,7 +34,9 @@ TARGETS = {
 KERNEL = re.compile(r"__kernel\s+(?:GROUP_SIZE\s+)?void\s+(\w+)")
 # Of programs that are built for devices with double precision alone.
 NEEDS_DOUBLE = "OPENCL EXTENSION cl_khr_fp64 : enable"
-GPU_VECTOR_WIDTH = "2"  # of floats: the least with which a CPU takes lanes, which are then those of a GPU that is forced to
+GPU_VECTOR_WIDTH = (
+    "2"  # of floats: the least with which a CPU takes lanes, which are then those of a GPU that is forced to
+)
 LANES = re.compile(r"-DLANES=(\d+)")
 GPU_LANES = "4"  # what lanes are where vectors are no wider
 Program = tuple[str, str]  # source and options
@@ -80,11 +82,28 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> list[Program]:
 
 def compile_program(program: Program, target: str) -> subprocess.CompletedProcess[str]:
     source, options = program
-    # -Werror: a warning would stand in the build log of every user of such a device. -Wpedantic: what this clang takes beyond OpenCL C,
-    # other compilers need not take: NVIDIA's refuses variadic macros. Functions and variables are left over where a part is switched off,
-    # and not every target has a use for every option of OpenCL.
-    warnings = ["-Wall", "-Wno-unused-command-line-argument", "-Wno-unused-function", "-Wno-unused-variable", "-Wpedantic", "-Werror"]
-    command = ["clang", "-x", "cl", *options.split(), "-Xclang", "-finclude-default-header", *TARGETS[target], "-O2", *warnings]
+    # -Werror: a warning would stand in the build log of every user of such a device. -Wpedantic: what this clang takes
+    # beyond OpenCL C, other compilers need not take: NVIDIA's refuses variadic macros. Functions and variables are left
+    # over where a part is switched off, and not every target has a use for every option of OpenCL.
+    warnings = [
+        "-Wall",
+        "-Wno-unused-command-line-argument",
+        "-Wno-unused-function",
+        "-Wno-unused-variable",
+        "-Wpedantic",
+        "-Werror",
+    ]
+    command = [
+        "clang",
+        "-x",
+        "cl",
+        *options.split(),
+        "-Xclang",
+        "-finclude-default-header",
+        *TARGETS[target],
+        "-O2",
+        *warnings,
+    ]
     return subprocess.run([*command, "-o", "-", "-"], input=source, capture_output=True, text=True, check=False)
 
 
@@ -102,7 +121,9 @@ def test_every_kernel_compiles(programs: list[Program], target: str) -> None:
             assert done.returncode == 0, f"{program[1]}\n{done.stderr[:8000]}"
             compiled.update(ENTRY[target].findall(done.stdout))
     files = [path.read_text() for path in (ROOT / "kernels").rglob("*.cl")]
-    kernels = {kernel for file in files if not (without_double and NEEDS_DOUBLE in file) for kernel in KERNEL.findall(file)}
+    kernels = {
+        kernel for file in files if not (without_double and NEEDS_DOUBLE in file) for kernel in KERNEL.findall(file)
+    }
     assert len(kernels) > 40
     assert not kernels - compiled
 
@@ -110,8 +131,14 @@ def test_every_kernel_compiles(programs: list[Program], target: str) -> None:
 FAULTS = {
     "double": ("__kernel void f(__global float *a) { a[0] = (float)((double)a[0] * 2.0); }", "cl_khr_fp64"),
     "half": ("__kernel void f(__global half *a) { half b = a[1]; a[0] = b * b; }", "half"),
-    "address space": ("__kernel void f(__global float *a, __local float *b) { __global float *c = b; a[0] = c[0]; }", "address space"),
-    "variadic macro": ("#define f(a, ...) g(a, __VA_ARGS__)\n__kernel void k(__global float *a) { a[0] = 1.0f; }", "variadic macros"),
+    "address space": (
+        "__kernel void f(__global float *a, __local float *b) { __global float *c = b; a[0] = c[0]; }",
+        "address space",
+    ),
+    "variadic macro": (
+        "#define f(a, ...) g(a, __VA_ARGS__)\n__kernel void k(__global float *a) { a[0] = 1.0f; }",
+        "variadic macros",
+    ),
     "unknown function": ("__kernel void f(__global float *a) { a[0] = sqrt_of_nobody(a[0]); }", "sqrt_of_nobody"),
 }
 
@@ -125,7 +152,9 @@ def test_what_no_device_takes_is_refused(fault: str) -> None:
 
 
 def test_local_memory_that_no_gpu_has_is_refused() -> None:
-    source = "__kernel void f(__global float *a) {{ __local float b[{0}]; b[get_local_id(0)] = a[0]; a[1] = b[{0} - 1]; }}\n"
+    source = (
+        "__kernel void f(__global float *a) {{ __local float b[{0}]; b[get_local_id(0)] = a[0]; a[1] = b[{0} - 1]; }}\n"
+    )
     assert compile_program((source.format(1024), "-cl-std=CL1.2"), "amd").returncode == 0
     done = compile_program((source.format(100_000), "-cl-std=CL1.2"), "amd")
     assert done.returncode != 0

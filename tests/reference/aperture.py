@@ -47,8 +47,9 @@ def _cycles_per_pixel(grid: FieldGrid) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def circle_pupil(grid: FieldGrid, diameter: float, soft_rim: float = 0.0) -> NDArray[np.float64]:
-    """Circular pupil; over the part soft_rim of the radius it falls from 1 to 0 by a raised cosine. Times the oversampling: z
-    has unit variance on each sample, so that its power per cycle falls as 1 / oversampling^2, but the light must not."""
+    """Circular pupil; over the part soft_rim of the radius it falls from 1 to 0 by a raised cosine. Times the
+    oversampling: z has unit variance on each sample, so that its power per cycle falls as 1 / oversampling^2, but the
+    light must not."""
     pupil = circle_support(grid, diameter) * float(grid.oversampling)
     if soft_rim > 0:
         into_rim = (radius(grid, diameter) - (1 - soft_rim)) / soft_rim

@@ -1,4 +1,5 @@
-"""The pattern of a diffractive element (doe.h), in float64: sums and matrix products, written from the header's equations."""
+"""The pattern of a diffractive element (doe.h), in float64: sums and matrix products, written from the header's
+equations."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ def order_image(
     half_extent: tuple[float, float],
     envelope: bool = True,
 ) -> NDArray[np.float64]:
-    """Share of the power in each texel: every order that reaches the image as a Gaussian of sigma lambda / (4 pi sigma_m)."""
+    """Share of the power in each texel: every order that reaches the image as a Gaussian of sigma lambda / (4 pi
+    sigma_m)."""
     rows, columns = phase.shape
     power = cell_orders(phase)
     maps, bins = [], []
@@ -60,7 +62,8 @@ def aperture_image(
     oversampling: int = 2,
     envelope: bool = True,
 ) -> NDArray[np.float64]:
-    """Share of the power in each texel: |FT|^2 of the field at `oversampling` directions per pixel, each one an interval."""
+    """Share of the power in each texel: |FT|^2 of the field at `oversampling` directions per pixel, each one an
+    interval."""
     waves, shares = [], []
     for count, texels, extent in zip(field.shape[::-1], shape[::-1], half_extent):
         bin_width = wavelength_m / (count * pitch_m)

@@ -1,5 +1,5 @@
-"""Estimators of EMVA Standard 1288, release 3.1, chapters 6 and 8, and the split into columns, rows and pixels that release
-4.0 added: from raw frames to the parameters of a camera.
+"""Estimators of EMVA Standard 1288, release 3.1, chapters 6 and 8, and the split into columns, rows and pixels that
+release 4.0 added: from raw frames to the parameters of a camera.
 
 They know nothing of the library: frames in, numbers out.
 """
@@ -91,7 +91,7 @@ def split_variance(frames: NDArray) -> NDArray[np.float64]:
 
 
 def split_prnu1288(bright: NDArray, dark: NDArray) -> NDArray[np.float64]:
-    """PRNU1288 of columns, rows and pixels, from frames at half of saturation and in the dark; 0 where the dark frames vary
-    more."""
+    """PRNU1288 of columns, rows and pixels, from frames at half of saturation and in the dark; 0 where the dark frames
+    vary more."""
     difference = np.maximum(split_variance(bright) - split_variance(dark), 0.0)
     return np.sqrt(difference) / (bright.mean(dtype=np.float64) - dark.mean(dtype=np.float64))

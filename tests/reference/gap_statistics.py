@@ -1,7 +1,7 @@
 """The statistics of a capture's sequence in float64, from the equations of docs/method/gap-statistics.md.
 
-Frames in, a dictionary of (name, region) -> value out. Whatever the library finds with row sums, lag products and half a Fourier
-transform is found here from whole arrays.
+Frames in, a dictionary of (name, region) -> value out. Whatever the library finds with row sums, lag products and half
+a Fourier transform is found here from whole arrays.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ class Sequence:
         self.frame_mean = self.signal[:, self.mask].mean(axis=1)
         self.mean_signal = self.frame_mean.mean()
         self.read_variance = max(self.read**2, ROUNDING_VARIANCE)
-        self.light = max(self.mean_signal, 0.5 * self.read_variance**0.5) if self.scene != "dark" else self.read_variance**0.5
+        self.light = (
+            max(self.mean_signal, 0.5 * self.read_variance**0.5) if self.scene != "dark" else self.read_variance**0.5
+        )
         level = self.frame_mean[:, None, None]
         clips = np.zeros(self.codes.shape, bool)
         if self.scene in ("board", "dots") and not self.moving:
@@ -161,7 +163,8 @@ def blocks(s: Sequence) -> Values:
             pairs = np.broadcast_to(here & there, steps.shape)
             edge = np.arange(1, size) % period == 0
             on, off = (
-                np.compress(which, steps, axis=axis)[np.compress(which, pairs, axis=axis)].mean() for which in (edge, ~edge)
+                np.compress(which, steps, axis=axis)[np.compress(which, pairs, axis=axis)].mean()
+                for which in (edge, ~edge)
             )
             total += log_ratio(float(on), float(off), 1e-3) / 2
         values[f"block_edges_{period}", "all"] = total
@@ -176,7 +179,8 @@ def fit_field(s: Sequence, image: Array, terms: int) -> tuple[Array, Array]:
 
 
 def laser_mosaic(s: Sequence) -> Values:
-    """Contrasts of laser light within smooth windows of 16 x 16 pixels inside the image; one pattern's in standard errors."""
+    """Contrasts of laser light within smooth windows of 16 x 16 pixels inside the image; one pattern's in standard
+    errors."""
     taper = np.sin(np.pi * (np.arange(16) + 0.5) / 16) ** 2
     weight = np.outer(taper, taper)
     parts, weights = [], []
@@ -192,7 +196,9 @@ def laser_mosaic(s: Sequence) -> Values:
                 weights.append(share.sum())
     total, square = np.sum(parts, axis=0), np.sum(np.square(parts), axis=0)
     contrasts = total / (np.sum(weights) * s.light) if s.moving else total / np.sqrt(square)
-    return {(f"mosaic_{name}", "all"): float(c) for name, c in zip(("rows", "columns", "checker"), contrasts, strict=True)}
+    return {
+        (f"mosaic_{name}", "all"): float(c) for name, c in zip(("rows", "columns", "checker"), contrasts, strict=True)
+    }
 
 
 def field(s: Sequence) -> Values:
@@ -225,7 +231,9 @@ def fixed_pattern(s: Sequence) -> Values:
     for _ in range(5):
         weight = np.exp(-((used / deviation) ** 2) / 18)
         deviation = np.sqrt((weight * used**2).sum() / weight.sum() / 0.9)
-    _, pattern = fit_field(s, np.where(np.abs(pattern) > 6 * deviation, 0, pattern), 5)  # pixels far out are counted beside
+    _, pattern = fit_field(
+        s, np.where(np.abs(pattern) > 6 * deviation, 0, pattern), 5
+    )  # pixels far out are counted beside
     bulk = pattern[s.mask]
     variance = float((bulk**2).mean())
     values: Values = {}
@@ -265,11 +273,7 @@ def fixed_pattern(s: Sequence) -> Values:
 def transform_size(size: int) -> int:
     """The largest even size with no prime factor above 5."""
     return max(
-        2 * 2**a * 3**b * 5**c
-        for a in range(13)
-        for b in range(9)
-        for c in range(6)
-        if 2 * 2**a * 3**b * 5**c <= size
+        2 * 2**a * 3**b * 5**c for a in range(13) for b in range(9) for c in range(6) if 2 * 2**a * 3**b * 5**c <= size
     )
 
 
@@ -387,7 +391,9 @@ def speckle(s: Sequence) -> Values:
     if not s.moving:
         for name, axis in (("column_means", 0), ("row_means", 1)):
             used_lines = s.mask.sum(axis=axis)
-            lines = np.divide(images[0].sum(axis=axis) ** 2, used_lines, out=np.zeros(used_lines.shape), where=used_lines > 0)
+            lines = np.divide(
+                images[0].sum(axis=axis) ** 2, used_lines, out=np.zeros(used_lines.shape), where=used_lines > 0
+            )
             values[name, "all"] = log_ratio(float(lines.mean()), variance)
         return values
     neighbours = {"centre": [], "edges": [], "corners": []}
@@ -448,9 +454,7 @@ def static_scene(s: Sequence) -> Values:
     right[:, 1:-1] = (level[:, 2:] - level[:, :-2]) / 2
     down[1:-1] = (level[2:] - level[:-2]) / 2
     inner = np.zeros_like(s.mask)
-    inner[1:-1, 1:-1] = (
-        s.mask[1:-1, 1:-1] & s.mask[1:-1, 2:] & s.mask[1:-1, :-2] & s.mask[2:, 1:-1] & s.mask[:-2, 1:-1]
-    )
+    inner[1:-1, 1:-1] = s.mask[1:-1, 1:-1] & s.mask[1:-1, 2:] & s.mask[1:-1, :-2] & s.mask[2:, 1:-1] & s.mask[:-2, 1:-1]
     root = 1 / (1 + np.maximum(level[inner], 0.0)) ** 2
     terms = np.stack([np.ones_like(level), level, level**2, right**2 + down**2], axis=-1)[inner]
     fit = np.linalg.lstsq(terms * root[:, None], s.variance[inner] * root, rcond=None)[0] / s.read_variance

@@ -80,7 +80,8 @@ class Distortion:
         return in_units * self.unit[:, None] / self.unit
 
     def distort_shift(self, shift: NDArray) -> NDArray[np.float64]:
-        """Vectors (height, width, 2) between ideal pixels, as the lens shows them: nearest to each source, times its slope there."""
+        """Vectors (height, width, 2) between ideal pixels, as the lens shows them: nearest to each source, times its
+        slope there."""
         sources = self.sources()
         return np.einsum("...ij,...j->...i", self.slope(sources), warp(shift, sources, "nearest"))
 

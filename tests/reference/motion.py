@@ -1,4 +1,5 @@
-"""How far surface points have moved (motion.h; thesis sections 3.2.4 to 3.2.8), and the correlation of a series of images that move, in float64."""
+"""How far surface points have moved (motion.h; thesis sections 3.2.4 to 3.2.8), and the correlation of a series of
+images that move, in float64."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ def rotation(axis: tuple[float, float, float], angle: float) -> NDArray[np.float
     return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
 
 
-def points(depth: NDArray, intrinsics: tuple[float, float, float, float], along_ray: bool = False) -> NDArray[np.float64]:
+def points(
+    depth: NDArray, intrinsics: tuple[float, float, float, float], along_ray: bool = False
+) -> NDArray[np.float64]:
     """Positions of the pixels of a depth image."""
     fx, fy, cx, cy = intrinsics
     y, x = np.mgrid[: depth.shape[0], : depth.shape[1]].astype(np.float64)
@@ -60,11 +63,14 @@ def path(
 
 # --- A series of images of speckle that moves and fades ---
 
-HIGH_PASS = 0.01  # cycles per pixel; slower is the illumination's envelope (periods above 100 px, 14 speckles of the images)
+HIGH_PASS = (
+    0.01  # cycles per pixel; slower is the illumination's envelope (periods above 100 px, 14 speckles of the images)
+)
 
 
 class Series:
-    """The normalised cross-correlation of each pair of images `step` apart, without the mean and all that is slower than `high_pass`."""
+    """The normalised cross-correlation of each pair of images `step` apart, without the mean and all that is slower
+    than `high_pass`."""
 
     def __init__(self, images: Sequence[NDArray], high_pass: float = HIGH_PASS) -> None:
         self.shape = images[0].shape
@@ -106,7 +112,10 @@ class Series:
         """Of each pair, at the displacement that the single steps between its images add up to."""
         moved = [self.position[k + step] - self.position[k] for k in self.pairs(step)]
         return np.array(
-            [self.at(self.spectra[k], self.spectra[k + step], d[:1], d[1:])[0, 0] for k, d in zip(self.pairs(step), moved)]
+            [
+                self.at(self.spectra[k], self.spectra[k + step], d[:1], d[1:])[0, 0]
+                for k, d in zip(self.pairs(step), moved)
+            ]
         )
 
     def maximum(self, step: int) -> NDArray[np.float64]:
@@ -115,31 +124,33 @@ class Series:
 
 
 def airy(path: NDArray) -> NDArray[np.float64]:
-    """Correlation of the field when the Airy pattern of a round pinhole slides over a diffuser: the overlap of the pattern with
-    itself is the Fourier transform of the pinhole's disc, 2 J1(x) / x. `path` counts in distances at which this is 1/e (x = 2.5838)."""
+    """Correlation of the field when the Airy pattern of a round pinhole slides over a diffuser: the overlap of the
+    pattern with itself is the Fourier transform of the pinhole's disc, 2 J1(x) / x. `path` counts in distances at which
+    this is 1/e (x = 2.5838)."""
     x = 2.583838 * np.asarray(path, dtype=np.float64)
     return 2 * scipy.special.j1(x) / x
 
 
-def fitted(correlation, steps: NDArray, means: NDArray, spreads: NDArray, pixels_per_step: float, width: int) -> tuple[float, float]:
-    """The length in steps and the fraction of white noise with which (1 - noise) correlation(step / length)^2 fits best; of the image's width
-    `pixels_per_step` leave it with each step."""
+def fitted(
+    correlation, steps: NDArray, means: NDArray, spreads: NDArray, pixels_per_step: float, width: int
+) -> tuple[float, float]:
+    """The length in steps and the fraction of white noise with which (1 - noise) correlation(step / length)^2 fits
+    best; of the image's width `pixels_per_step` leave it with each step."""
 
     def model(step, length, noise):
         return (1 - noise) * (1 - pixels_per_step * step / width) * correlation(step / length) ** 2
 
-    found, _ = scipy.optimize.curve_fit(
-        model, steps, means, p0=(10, 0.01), sigma=spreads, bounds=([4, 0], [20, 0.1])
-    )
+    found, _ = scipy.optimize.curve_fit(model, steps, means, p0=(10, 0.01), sigma=spreads, bounds=([4, 0], [20, 0.1]))
     return float(found[0]), float(found[1])
 
 
 def pinhole_kernel(diameter_px: float, step_px: float, length_steps: float, index: int) -> NDArray[np.complex128]:
-    """What blurs the diffuser's white field T when a round pinhole at the distance z1 before it has moved by `index` steps.
+    """What blurs the diffuser's white field T when a round pinhole at the distance z1 before it has moved by `index`
+    steps.
 
-    From a point u of the pinhole the diffuser's point r is reached with the phase k (r - u)^2 / 2 z1, and from there the image's point x at z2
-    with k (x - r)^2 / 2 z2: the sum over r depends on u / z1 + x / z2 alone. With u in pixels of the image (u z2 / z1), p = index * step_px and
-    c = k (z1 / z2)^2 / z1:
+    From a point u of the pinhole the diffuser's point r is reached with the phase k (r - u)^2 / 2 z1, and from there
+    the image's point x at z2 with k (x - r)^2 / 2 z2: the sum over r depends on u / z1 + x / z2 alone. With u in pixels
+    of the image (u z2 / z1), p = index * step_px and c = k (z1 / z2)^2 / z1:
         U(x) = sum over |u| < diameter / 2 of exp(i c (u + p)^2 / 2) T(x + u + p).
     At the displacement p the correlation is 2 J1(x) / x with x = c p diameter / 2, which gives c from the length."""
     radius = diameter_px / 2

@@ -1,4 +1,5 @@
-"""Other OpenCL runtimes: oclgrind, Intel's for CPUs and Mesa's rusticl run a part of the suite; the last two all of it at night."""
+"""Other OpenCL runtimes: oclgrind, Intel's for CPUs and Mesa's rusticl run a part of the suite; the last two all of it
+at night."""
 
 from __future__ import annotations
 

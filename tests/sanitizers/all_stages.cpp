@@ -42,7 +42,8 @@ void run_philox(const clspeckle::Context &context, const clspeckle::Queue &queue
 
 // cl_images of both kinds of texels, and codes as fractions.
 void run_cl_images(const clspeckle::Context &context, const clspeckle::Queue &queue) {
-    for (const auto &[type, format] : {std::pair{CL_FLOAT, CLSP_FORMAT_FLOAT32X3}, {CL_UNSIGNED_INT16, CLSP_FORMAT_UINT16},
+    for (const auto &[type, format] : {std::pair{CL_FLOAT, CLSP_FORMAT_FLOAT32X3},
+                                       {CL_UNSIGNED_INT16, CLSP_FORMAT_UINT16},
                                        {CL_UNORM_INT8, CLSP_FORMAT_UINT8}}) {
         const cl_image_format texel{CL_RGBA, static_cast<cl_channel_type>(type)};
         cl_image_desc desc{};

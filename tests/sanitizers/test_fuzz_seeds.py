@@ -19,7 +19,10 @@ FORMATS = sorted({*make_seeds.FORMATS.values(), "raw"})
 
 @pytest.fixture(scope="session")
 def readers() -> Path:
-    return sanitized_build("sanitizers/address", "address,undefined", ["clspeckle-image-replay", "clspeckle-file-replay"]) / "bin"
+    return (
+        sanitized_build("sanitizers/address", "address,undefined", ["clspeckle-image-replay", "clspeckle-file-replay"])
+        / "bin"
+    )
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +37,8 @@ def seeds(readers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("program", "option"),
-    [("image", f"--format={name}") for name in FORMATS] + [("file", f"--kind={name}") for name in make_file_seeds.KINDS],
+    [("image", f"--format={name}") for name in FORMATS]
+    + [("file", f"--kind={name}") for name in make_file_seeds.KINDS],
 )
 def test_replay(readers: Path, seeds: Path, program: str, option: str) -> None:
     name = option.partition("=")[2]

@@ -406,10 +406,22 @@ FIGURE = [*INSPECT, "-o", "figure.png"]
 DOE: dict[str, tuple[list, str, list]] = {
     "mirror": ([*DESIGN, *CELL, "--levels", 2], "give --mirror", [*DESIGN, *CELL, "--levels", 2, "--mirror"]),
     "mirror_of_nothing": ([*DESIGN, *CELL, "--mirror"], "--mirror is given, but levels is 8", [*DESIGN, *CELL]),
-    "size": ([*DESIGN, "--size", "0,96"], "a cell has at least one pixel along each axis", [*DESIGN, "--size", "96,96"]),
+    "size": (
+        [*DESIGN, "--size", "0,96"],
+        "a cell has at least one pixel along each axis",
+        [*DESIGN, "--size", "96,96"],
+    ),
     "period": ([*DESIGN, *CELL, "--period-um", 50], "or leave one out", [*DESIGN, *CELL]),
-    "period_is_changed": ([*DESIGN, *CELL, "--period-um", 50], "change one of --period-um", [*DESIGN, *CELL, "--period-um", 96]),
-    "free": ([*LAYOUT, *FIELD, *CELL, "--free"], "no effect with --free, which knows no cell", [*LAYOUT, *FIELD, "--free"]),
+    "period_is_changed": (
+        [*DESIGN, *CELL, "--period-um", 50],
+        "change one of --period-um",
+        [*DESIGN, *CELL, "--period-um", 96],
+    ),
+    "free": (
+        [*LAYOUT, *FIELD, *CELL, "--free"],
+        "no effect with --free, which knows no cell",
+        [*LAYOUT, *FIELD, "--free"],
+    ),
     "name": (
         [*LAYOUT, *CELL, *FIELD[2:], "-o", "./"],
         "a name is needed, for example ./dots",
@@ -422,7 +434,11 @@ DOE: dict[str, tuple[list, str, list]] = {
     ),
     "beam_image": ([*INSPECT, "--beam", "image"], "--beam image needs --beam-image FILE", IMAGE),
     "beam_and_image": ([*IMAGE, "--beam", "flat_circle"], "no effect beside --beam-image; leave it out", IMAGE),
-    "transfer": ([*INSPECT, "--transfer", "srgb"], "of the numbers of --beam-image; name that", [*IMAGE, "--transfer", "srgb"]),
+    "transfer": (
+        [*INSPECT, "--transfer", "srgb"],
+        "of the numbers of --beam-image; name that",
+        [*IMAGE, "--transfer", "srgb"],
+    ),
     "lines": (
         [*INSPECT, "--wavelength-nm", 940, "--line-power", "1,2"],
         "--line-power has 2 numbers, but --wavelength-nm has 1",
@@ -433,7 +449,11 @@ DOE: dict[str, tuple[list, str, list]] = {
         "use --evaluation orders",
         [*INSPECT, "--m-squared", 1.5, "--evaluation", "orders"],
     ),
-    "no_part": ([*FIGURE, "--zoom", "0,0,0"], "the half width must be above 0 and at most 1", [*FIGURE, "--zoom", "0,0,1"]),
+    "no_part": (
+        [*FIGURE, "--zoom", "0,0,0"],
+        "the half width must be above 0 and at most 1",
+        [*FIGURE, "--zoom", "0,0,1"],
+    ),
     "part_outside": ([*FIGURE, "--zoom", "5,5,0.1"], "lies outside of the pattern", [*FIGURE, "--zoom", "0.1,0,0.1"]),
     "part_of_nothing": ([*INSPECT, "--zoom", "0,0,0.1"], "drawn with -o FILE.png", [*FIGURE, "--zoom", "0,0,0.1"]),
     "ending": ([*INSPECT, "-o", "e.jpg"], "written as .png; choose a name that ends in it", [*INSPECT, "-o", "e.png"]),

@@ -111,7 +111,8 @@ HUGE: dict[str, Callable[[Path, int, int], None]] = {
     ("width", "height"), [(16384, 16384), (16385, 4), (4, 16385), (2**31 - 1, 2**31 - 1), (0, 5), (5, 0)]
 )
 def test_headers_that_promise_too_much(program: Path, tmp_path: Path, name: str, width: int, height: int) -> None:
-    """Refused quickly and without taking the memory that the header asks for (2 GiB for 16384 x 16384 floats and codes)."""
+    """Refused quickly and without taking the memory that the header asks for (2 GiB for 16384 x 16384 floats and
+    codes)."""
     HUGE[name](tmp_path / name, width, height)
 
     def limit() -> None:
@@ -174,7 +175,10 @@ def apart_exr(path: Path) -> None:
 
 
 WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
-    "text.txt": (lambda p: p.write_text("not an image"), "is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw"),
+    "text.txt": (
+        lambda p: p.write_text("not an image"),
+        "is not a PNG, TIFF, EXR, Radiance HDR, NPY, PNM, JPEG, BMP, TGA or raw",
+    ),
     "webp.webp": (lambda p: iio.imwrite(p, images.gray8()), "is a file of the format WebP, which is not read"),
     "frame.raw": (lambda p: p.write_bytes(bytes(100)), "raw frames must be described: WIDTHxHEIGHT,BITS"),
     "named_wrongly.npy": (lambda p: p.write_text("a text with the name of an array"), "is not a PNG"),
@@ -189,7 +193,10 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "text.npy": (lambda p: np.save(p, np.array([["a", "b"], ["c", "d"]])), "type '<U1'"),
     "records.npy": (record_npy, "named fields"),
     "objects.npy": (object_npy, "type '|O', Python objects"),
-    "complex.tiff": (lambda p: tifffile.imwrite(p, images.real().astype(np.complex64)), "complex or unknown of 64 bits"),
+    "complex.tiff": (
+        lambda p: tifffile.imwrite(p, images.real().astype(np.complex64)),
+        "complex or unknown of 64 bits",
+    ),
     "lab.tiff": (
         lambda p: tifffile.imwrite(p, images.rgb(images.gray8()), photometric="cielab"),
         "color space",
@@ -272,8 +279,9 @@ def test_output_folder_that_cannot_be_made(refused, ideal: Path, tmp_path: Path)
 
 
 def test_disk_that_is_full(program: Path, tmp_path: Path) -> None:
-    """A limit on the size of files stands for a full disk: no half file remains, and the message names the file. The limit
-    leaves room for what the OpenCL driver writes; smaller ones are tried on the writers alone in test_image_io.cpp."""
+    """A limit on the size of files stands for a full disk: no half file remains, and the message names the file. The
+    limit leaves room for what the OpenCL driver writes; smaller ones are tried on the writers alone in
+    test_image_io.cpp."""
     np.save(tmp_path / "image.npy", np.random.default_rng(0).random((512, 512), dtype=np.float32))
     done = subprocess.run(
         [program, "render", "image.npy", "-o", "out", "--format", "npy-stack", "--no-preview", "--frames", "40"],

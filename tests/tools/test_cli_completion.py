@@ -57,7 +57,14 @@ def test_no_other_shell(refused) -> None:
 
 def typed(shell: list[str], setup: str, keys: str, wanted: str, folder: Path) -> str:
     """What an interactive shell shows after these keys."""
-    environment = {**os.environ, "TERM": "dumb", "HOME": str(folder), "ZDOTDIR": str(folder), "PS1": "$ ", "HISTFILE": ""}
+    environment = {
+        **os.environ,
+        "TERM": "dumb",
+        "HOME": str(folder),
+        "ZDOTDIR": str(folder),
+        "PS1": "$ ",
+        "HISTFILE": "",
+    }
     process, terminal = pty.fork()
     if process == 0:
         os.chdir(folder)

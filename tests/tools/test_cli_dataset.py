@@ -60,7 +60,10 @@ def test_it_is_the_packages_command(ok, cli, recipe: Path, tmp_path: Path) -> No
         (["recipe.json", "--out", "set", "--count", 1, "--shard-size", 0], "--shard-size"),
         (["recipe.json", "--out", "set", "--count", 1, "--workers", 0], "--workers"),
         (["recipe.json", "--out", "set", "--count", 1, "--format", "hdf5"], "--format"),
-        (["recipe.json", "--out", "set", "--count", 1, "--python", "no-such-python"], "there is no program no-such-python"),
+        (
+            ["recipe.json", "--out", "set", "--count", 1, "--python", "no-such-python"],
+            "there is no program no-such-python",
+        ),
     ],
     ids=str,
 )

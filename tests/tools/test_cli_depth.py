@@ -113,7 +113,8 @@ def test_json_and_npy_lists(ok, tmp_path: Path, scene) -> None:
 
 
 def test_the_lens_of_the_geometry_file_tells_of_speckle(ok, refused, tmp_path: Path, scene) -> None:
-    """sqrt(2) / pi C / D px along the line, in quadrature, whatever the noise; --relative-diameter goes before the file."""
+    """sqrt(2) / pi C / D px along the line, in quadrature, whatever the noise; --relative-diameter goes before the
+    file."""
     with_lens = geometry()
     with_lens["camera"] |= {"f_number": 2.8, "pixel_pitch_m": 2.9e-6}
     with_lens["laser"]["wavelength_m"] = 940e-9
@@ -259,9 +260,17 @@ def test_what_is_advised_is_taken(ok, refused, tmp_path: Path, scene) -> None:
     (tmp_path / "mine").mkdir()
     np.save(tmp_path / "mine" / "depth_000000.npy", iio.imread(tmp_path / "frame_0.png"))
     for bad, advice, good in (
-        (("--csv", "a.npy", "--npy", "a.npy"), "--csv and --npy name the same file", ("--csv", "a.csv", "--npy", "a.npy")),
+        (
+            ("--csv", "a.npy", "--npy", "a.npy"),
+            "--csv and --npy name the same file",
+            ("--csv", "a.csv", "--npy", "a.npy"),
+        ),
         (("--pictures", ".", "--csv", "depth_9.npy"), "name another file", ("--pictures", "p", "--csv", "b.csv")),
-        (("mine/depth_000000.npy", "--pictures", "mine"), "name another folder", ("mine/depth_000000.npy", "--pictures", "q")),
+        (
+            ("mine/depth_000000.npy", "--pictures", "mine"),
+            "name another folder",
+            ("mine/depth_000000.npy", "--pictures", "q"),
+        ),
         (("--npy", "dots.bin"), "written as .npy; choose a name that ends in it", ("--npy", "b.npy")),
     ):
         assert advice in refused(*depth, *bad)
@@ -275,7 +284,22 @@ def test_what_is_advised_is_taken(ok, refused, tmp_path: Path, scene) -> None:
     (tmp_path / "rig.json").write_text(text[begin:end])
     ok(*depth)
     assert "a layout of `clspeckle doe layout` or a design of" in refused(*depth, "--dots", "none.json")
-    ok("doe", "layout", "-o", "layout", "--size", 96, "--pitch-um", 1, "--field-of-view", "24,18", "--dots", 60, "--min-difference", 0)
+    ok(
+        "doe",
+        "layout",
+        "-o",
+        "layout",
+        "--size",
+        96,
+        "--pitch-um",
+        1,
+        "--field-of-view",
+        "24,18",
+        "--dots",
+        60,
+        "--min-difference",
+        0,
+    )
     ok(*depth, "--dots", "layout.json")
 
 

@@ -1,4 +1,5 @@
-"""clspeckle diagnose: reports, summary, options, refusals. What a verdict is worth is tested elsewhere; here the captures are small."""
+"""clspeckle diagnose: reports, summary, options, refusals. What a verdict is worth is tested elsewhere; here the
+captures are small."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ QUICK = ["--replicates", 12, "--max-effects", 1]
 
 
 def write_set(folder: Path, ramp_dn: float, bits: int = 10) -> Path:
-    """Dark and flat of a camera with black level 64 and read noise 4; the flat is brighter on the right, by up to ramp_dn each way."""
+    """Dark and flat of a camera with black level 64 and read noise 4; the flat is brighter on the right, by up to
+    ramp_dn each way."""
     folder.mkdir()
     random = np.random.default_rng(7)
     ramp = np.linspace(-1, 1, 64)
@@ -27,8 +29,22 @@ def write_set(folder: Path, ramp_dn: float, bits: int = 10) -> Path:
         codes = np.clip(np.rint(64 + light + random.normal(0, 4, (8, 48, 64))), 0, 1023).astype(np.uint16)
         np.save(folder / f"{name}.npy", codes)
         entries.append({"name": name, "file": f"{name}.npy", "scene": name, "motion": "static"})
-    camera = {"width": 64, "height": 48, "bits": bits, "pixel_pitch_um": 2.9, "f_number": 5.6, "black_level_dn": 64.0, "read_noise_dn": 4.0}
-    text = {"format": "clspeckle-capture", "version": 1, "camera": camera, "laser": {"wavelength_nm": 940.0}, "sequences": entries}
+    camera = {
+        "width": 64,
+        "height": 48,
+        "bits": bits,
+        "pixel_pitch_um": 2.9,
+        "f_number": 5.6,
+        "black_level_dn": 64.0,
+        "read_noise_dn": 4.0,
+    }
+    text = {
+        "format": "clspeckle-capture",
+        "version": 1,
+        "camera": camera,
+        "laser": {"wavelength_nm": 940.0},
+        "sequences": entries,
+    }
     (folder / "capture.json").write_text(json.dumps(text))
     return folder
 
@@ -100,7 +116,9 @@ def test_no_gap(ok, tmp_path: Path) -> None:
     assert {"defocus", "zero_order", "surface_boiling"} <= set(coverage["effects_not_visible"])
     assert not {"prnu", "dsnu", "vignetting"} & set(coverage["effects_not_visible"])
     assert "beam and diffractive element" in coverage["questions_open"]
-    assert {"gap.distance", "cause.ranking.distance_after", "shrink.distance_before", "shrink.fraction"} <= set(report["scales"])
+    assert {"gap.distance", "cause.ranking.distance_after", "shrink.distance_before", "shrink.fraction"} <= set(
+        report["scales"]
+    )
     assert (report["format"], report["version"]) == ("clspeckle-gap-report", 1)
     assert report["cause"]["verdict"] == "none"
     assert report["cause"]["effects"] == []
@@ -113,7 +131,8 @@ def test_no_gap(ok, tmp_path: Path) -> None:
 
 
 def test_quiet_is_silent(ok, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compilers of OpenCL C count their warnings on standard error: kernels that are built for the first time give none."""
+    """Compilers of OpenCL C count their warnings on standard error: kernels that are built for the first time give
+    none."""
     write_set(tmp_path / "set", 0)
     monkeypatch.setenv("CLSPECKLE_DISK_CACHE", "off")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path / "cache"))
@@ -157,9 +176,19 @@ def test_a_gap_is_located(ok, tmp_path: Path) -> None:
     worst = report["where"][0]
     assert worst["sequence"] == "flat"
     assert re.search(rf"{worst['stage']} +flat +{worst['statistic']} ", run.out)
-    for words in ("Gap: ", "standard deviations of the baseline", "Where: ", "Residual: a significant gap remains", "Seed 0"):
+    for words in (
+        "Gap: ",
+        "standard deviations of the baseline",
+        "Where: ",
+        "Residual: a significant gap remains",
+        "Seed 0",
+    ):
         assert words in run.out
-    probabilities = [report["gap"]["p_value"], report["shrink"]["residual_p_value"], *(place["p_adjusted"] for place in report["where"])]
+    probabilities = [
+        report["gap"]["p_value"],
+        report["shrink"]["residual_p_value"],
+        *(place["p_adjusted"] for place in report["where"]),
+    ]
     assert all(1e-300 <= p <= 1 for p in probabilities), "never 0: tails are extrapolated"
     assert "NONE" not in run.out and "Not tested" not in run.out
     assert max(map(len, run.out.splitlines())) <= 140
@@ -217,7 +246,9 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
     assert report["cause"]["ranking"][0]["parameters"]["slope"] == pytest.approx(20 / 300, abs=0.003)
     # It takes part in the ranking; what explains more is named.
     write_hypothesis(tmp_path / "rows", RAMP.replace("2.0f * x / (frame.width", "2.0f * y / (frame.height"), id="rows")
-    both = ok("diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "rows/ramp.json", "--json", "-", *QUICK)
+    both = ok(
+        "diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "rows/ramp.json", "--json", "-", *QUICK
+    )
     assert both.json()["cause"]["effects"] == ["ramp"]
     message = refused("diagnose", "set", "--hypothesis", "own/ramp.json", "--hypothesis", "own/ramp.json", *QUICK)
     assert 'two hypotheses have the id "ramp"' in message
@@ -247,14 +278,20 @@ def test_an_effect_of_ones_own(ok, refused, tmp_path: Path) -> None:
         ({"parameters": {"slope": {"weak": 1}}}, 'the parameter "slope": "strong" is missing'),
         ({"parameters": {"slope": {"weak": 1, "strong": "2"}}}, '"strong" must be a number, got "2"'),
         ({"parameters": {"slope": {"weak": 1, "strong": 2, "least": 0}}}, 'unknown key "least"'),
-        ({"parameters": {"slope": {"weak": 1, "strong": 2, "minimum": 1.5}}}, "weak and strong within minimum and maximum"),
+        (
+            {"parameters": {"slope": {"weak": 1, "strong": 2, "minimum": 1.5}}},
+            "weak and strong within minimum and maximum",
+        ),
         ({"parameters": {"a slope": {"weak": 1, "strong": 2}}}, "letters, digits and '_'"),
         ({"opencl": "nowhere.cl"}, "nowhere.cl cannot be read: it does not exist"),
         ({"opencl": "."}, "cannot be read: it is no file"),
         ({"stage": "op\x1btics"}, "without control characters"),
         ({"parameters": {"a" * 32: {"weak": 1, "strong": 2}}}, "its name has 32 bytes"),
         ({"parameters": {"slope": {"weak": 1, "strong": 2, "unit": "u" * 16}}}, "its unit 16"),
-        ({"parameters": {"slope": {"weak": 1, "strong": 1, "minimum": 1, "maximum": 1}}}, "a minimum below the maximum"),
+        (
+            {"parameters": {"slope": {"weak": 1, "strong": 1, "minimum": 1, "maximum": 1}}},
+            "a minimum below the maximum",
+        ),
         ({"parameters": {"slope": {"weak": [1], "strong": 1}}}, '"weak" must be a number, got [1]'),
         ({"opencl": None}, '"opencl" is missing'),
         ({"open_cl": "ramp.cl"}, 'unknown key "open_cl"; the nearest one is "opencl"; the keys are id,'),
@@ -277,20 +314,23 @@ def test_effects_of_ones_own_that_cannot_be(refused, tmp_path: Path, change: dic
         (["set", "--hypothesis", ""], "--hypothesis: is empty; name a file"),
         (["set", "--hypothesis", "set/capture.json"], "unknown key"),
         (["set", "--hypothesis", "set/dark.npy"], "is not valid JSON"),
-        (["set", "--without", "defokus"], "--without: there is no effect \"defokus\"; the nearest one is \"defocus\""),
-        (["set", "--without", "gamma,,defocus"], "--without gamma,,defocus: one of the names is empty; the effects are linewidth, "),
+        (["set", "--without", "defokus"], '--without: there is no effect "defokus"; the nearest one is "defocus"'),
+        (
+            ["set", "--without", "gamma,,defocus"],
+            "--without gamma,,defocus: one of the names is empty; the effects are linewidth, ",
+        ),
         (["set", "--without", " "], "one of the names is empty"),
         (["set", "--without", ""], "one of the names is empty"),
-        (["set", "--level", 0.9], "--level: is \"0.9\"; expected a number from 1e-06 to 0.5"),
-        (["set", "--level", 2], "--level: is \"2\""),
-        (["set", "--level", "nan"], "--level: is \"nan\""),
-        (["set", "--level", "low"], "--level: is \"low\""),
+        (["set", "--level", 0.9], '--level: is "0.9"; expected a number from 1e-06 to 0.5'),
+        (["set", "--level", 2], '--level: is "2"'),
+        (["set", "--level", "nan"], '--level: is "nan"'),
+        (["set", "--level", "low"], '--level: is "low"'),
         (["set", "--replicates", 3], "expected an integer from 12 to 100000"),
-        (["set", "--null-replicates", 3.5], "--null-replicates: is \"3.5\""),
-        (["set", "--max-effects", 0], "--max-effects: is \"0\"; expected an integer from 1 to 64"),
-        (["set", "--threads", 2000], "--threads: is \"2000\"; expected an integer from 0 to 1024"),
-        (["set", "--seed", -1], "--seed: is \"-1\"; expected an integer from 0 to 18446744073709551615"),
-        (["set", "--seed", 2**64], "--seed: is \"18446744073709551616\""),
+        (["set", "--null-replicates", 3.5], '--null-replicates: is "3.5"'),
+        (["set", "--max-effects", 0], '--max-effects: is "0"; expected an integer from 1 to 64'),
+        (["set", "--threads", 2000], '--threads: is "2000"; expected an integer from 0 to 1024'),
+        (["set", "--seed", -1], '--seed: is "-1"; expected an integer from 0 to 18446744073709551615'),
+        (["set", "--seed", 2**64], '--seed: is "18446744073709551616"'),
         (["set", "--html", "-"], "--html -: the page is written to a file"),
         (["set", "--html", ""], "--html: is empty; name a file"),
         (["set", "--json", ""], "--json: is empty; name a file"),
@@ -310,8 +350,16 @@ def test_bad_usage(refused, tmp_path: Path, arguments: list[object], words: str)
 
 @pytest.mark.parametrize(
     "command",
-    [f"diagnose set {option} set/{name}" for option in ("--json", "--html", "--emva", "--profile") for name in ("capture.json", "flat.npy")]
-    + ["capture emva set --json set/capture.json", "capture emva set --xml set/flat.npy", "capture check set/capture.json --json set/flat.npy"],
+    [
+        f"diagnose set {option} set/{name}"
+        for option in ("--json", "--html", "--emva", "--profile")
+        for name in ("capture.json", "flat.npy")
+    ]
+    + [
+        "capture emva set --json set/capture.json",
+        "capture emva set --xml set/flat.npy",
+        "capture check set/capture.json --json set/flat.npy",
+    ],
 )
 def test_no_output_replaces_a_file_of_the_set(refused, tmp_path: Path, command: str) -> None:
     write_set(tmp_path / "set", 0)
@@ -323,7 +371,9 @@ def test_no_output_replaces_a_file_of_the_set(refused, tmp_path: Path, command: 
 def test_names_of_effects_may_have_blanks(ok, tmp_path: Path) -> None:
     write_set(tmp_path / "set", 20)
     plain = ok("diagnose", "set", "--json", "-", "--without", "gamma,vignetting", *QUICK).json()
-    assert ok("diagnose", "--without", " vignetting ", "--without", "gamma", "set", "--json", "-", *QUICK).json() == plain
+    assert (
+        ok("diagnose", "--without", " vignetting ", "--without", "gamma", "set", "--json", "-", *QUICK).json() == plain
+    )
 
 
 @pytest.mark.parametrize("path", ["nowhere/report.json", "set"])
@@ -354,14 +404,24 @@ def children(pid: int) -> str:
 
 
 def test_interrupt_while_the_driver_compiles(program: Path, tmp_path: Path) -> None:
-    """PoCL links its kernels with a program of its own, which Ctrl-C ends as well: the build error is no news. An empty cache makes
-    it compile."""
+    """PoCL links its kernels with a program of its own, which Ctrl-C ends as well: the build error is no news. An empty
+    cache makes it compile."""
     write_set(tmp_path / "set", 0)
     (tmp_path / "cache").mkdir()
-    environment = {**os.environ, "POCL_CACHE_DIR": str(tmp_path / "cache"), "CLSPECKLE_CACHE_DIR": str(tmp_path / "own")}
+    environment = {
+        **os.environ,
+        "POCL_CACHE_DIR": str(tmp_path / "cache"),
+        "CLSPECKLE_CACHE_DIR": str(tmp_path / "own"),
+    }
     command = [program, "diagnose", "set", "--replicates", "100000", "--quiet"]
     with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        start_new_session=True,
     ) as running:
         deadline = time.monotonic() + 30
         while time.monotonic() < deadline and not children(running.pid):
@@ -374,7 +434,8 @@ def test_interrupt_while_the_driver_compiles(program: Path, tmp_path: Path) -> N
 
 
 def test_what_cannot_be_judged_is_left_out(ok, refused, tmp_path: Path) -> None:
-    """A quarter of the flat is saturated: its light is not known. Without it the set is dark; saturated dark frames leave nothing."""
+    """A quarter of the flat is saturated: its light is not known. Without it the set is dark; saturated dark frames
+    leave nothing."""
     folder = write_set(tmp_path / "set", 0)
     codes = np.load(folder / "flat.npy")
     codes[:, :, :16] = 1023
@@ -391,7 +452,12 @@ def test_what_cannot_be_judged_is_left_out(ok, refused, tmp_path: Path) -> None:
     assert "<title>clSpeckle gap report: nothing could be judged</title>" in page
     assert "Nothing could be judged of light: every sequence that has some was left out (flat)" in page
     (folder / "capture.json").write_text(
-        json.dumps({**json.loads((folder / "capture.json").read_text()), "sequences": [{"name": "dark", "file": "dark.npy", "scene": "dark"}]})
+        json.dumps(
+            {
+                **json.loads((folder / "capture.json").read_text()),
+                "sequences": [{"name": "dark", "file": "dark.npy", "scene": "dark"}],
+            }
+        )
     )
     dark = ok("diagnose", "set", "--json", "-", *QUICK).json()
     assert dark["coverage"]["judged"] is True, "no light was asked about"
@@ -424,15 +490,30 @@ def test_help(ok) -> None:
         assert words in text
 
 
-@pytest.mark.parametrize(("waves", "seed"), [(1.3, 1), *(pytest.param(waves, 2, marks=pytest.mark.nightly) for waves in (1.25, 1.3))])
+@pytest.mark.parametrize(
+    ("waves", "seed"), [(1.3, 1), *(pytest.param(waves, 2, marks=pytest.mark.nightly) for waves in (1.25, 1.3))]
+)
 def test_a_lens_far_out_of_focus(ok, tmp_path: Path, waves: float, seed: int) -> None:
-    """No spots are left, and half way from weak to strong the effect does something else: it is found, and nothing else.
+    """No spots are left, and half way from weak to strong the effect does something else: it is found, and nothing
+    else.
 
-    Without a second look at other strengths, or with statistics that are told relative to a core without light, each of the three was
-    unknown.
+    Without a second look at other strengths, or with statistics that are told relative to a core without light, each of
+    the three was unknown.
     """
     which = ["--sequences", "dark,board_moving,dots_static,dots_moving", "--width", 120, "--height", 96, "--frames", 8]
-    ok("capture", "make", "set", *which, "--f-number", 8, "--effect", f"defocus:waves={waves}", "--seed", seed, "--quiet")
+    ok(
+        "capture",
+        "make",
+        "set",
+        *which,
+        "--f-number",
+        8,
+        "--effect",
+        f"defocus:waves={waves}",
+        "--seed",
+        seed,
+        "--quiet",
+    )
     report = ok("diagnose", "set", "--json", "-", "--quiet").json()
     assert (report["cause"]["verdict"], report["cause"]["effects"]) == ("named", ["defocus"])
     ranked = report["cause"]["ranking"][0]

@@ -60,7 +60,9 @@ def test_defects_reach_the_library(ok: Callable[..., Run], design: Path) -> None
     assert wide["divergence_x_rad"] == pytest.approx(1.5 * deep["divergence_x_rad"], rel=1e-4)
 
 
-def test_light_of_a_beam_image_is_decoded_as_that_of_other_images(ok: Callable[..., Run], refused: Callable[..., str], design: Path, tmp_path: Path) -> None:
+def test_light_of_a_beam_image_is_decoded_as_that_of_other_images(
+    ok: Callable[..., Run], refused: Callable[..., str], design: Path, tmp_path: Path
+) -> None:
     codes = np.rint(255 * np.linspace(0, 1, 32)[None, :].repeat(32, axis=0)).astype(np.uint8)
     v = codes / 255
     light = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
@@ -79,7 +81,9 @@ def test_light_of_a_beam_image_is_decoded_as_that_of_other_images(ok: Callable[.
     assert abs(linear / expected - 1) > 0.01
     given, told = divergence("--beam-image", "beam.png")
     assert given == pytest.approx(expected, rel=1e-4)
-    assert "encoded for a screen (sRGB, says its ICC profile) and were decoded to linear light; --transfer linear" in told
+    assert (
+        "encoded for a screen (sRGB, says its ICC profile) and were decoded to linear light; --transfer linear" in told
+    )
     given, told = divergence("--beam-image", "beam.png", "--transfer", "linear")
     assert given == linear and told == ""
     assert divergence("--beam-image", "codes.npy", "--transfer", "srgb")[0] == pytest.approx(expected, rel=1e-4)

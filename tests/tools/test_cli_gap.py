@@ -1,4 +1,5 @@
-"""clspeckle gap compare and gap check: reports, summaries, options, refusals. The captures are small, the causes gross."""
+"""clspeckle gap compare and gap check: reports, summaries, options, refusals. The captures are small, the causes
+gross."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ QUICK = ["--replicates", 12, "--max-effects", 1]
 WITHHELD = ROOT / "validation" / "gap_check"
 
 
-def write_set(folder: Path, seed: int, row_dn: float = 0.0, width: int = 64, frames: int = 8, light_dn: float = 300.0) -> Path:
+def write_set(
+    folder: Path, seed: int, row_dn: float = 0.0, width: int = 64, frames: int = 8, light_dn: float = 300.0
+) -> Path:
     """Dark and flat of a camera with black level 64 and read noise 4; its rows jump by row_dn in each frame."""
     folder.mkdir()
     random = np.random.default_rng(seed)
@@ -27,8 +30,22 @@ def write_set(folder: Path, seed: int, row_dn: float = 0.0, width: int = 64, fra
         signal = 64 + light + row_dn * random.normal(size=(frames, 48, 1)) + random.normal(0, 4, (frames, 48, width))
         np.save(folder / f"{name}.npy", np.clip(np.rint(signal), 0, 1023).astype(np.uint16))
         entries.append({"name": name, "file": f"{name}.npy", "scene": name, "motion": "static"})
-    camera = {"width": width, "height": 48, "bits": 10, "pixel_pitch_um": 2.9, "f_number": 5.6, "black_level_dn": 64.0, "read_noise_dn": 4.0}
-    text = {"format": "clspeckle-capture", "version": 1, "camera": camera, "laser": {"wavelength_nm": 940.0}, "sequences": entries}
+    camera = {
+        "width": width,
+        "height": 48,
+        "bits": 10,
+        "pixel_pitch_um": 2.9,
+        "f_number": 5.6,
+        "black_level_dn": 64.0,
+        "read_noise_dn": 4.0,
+    }
+    text = {
+        "format": "clspeckle-capture",
+        "version": 1,
+        "camera": camera,
+        "laser": {"wavelength_nm": 940.0},
+        "sequences": entries,
+    }
     (folder / "capture.json").write_text(json.dumps(text))
     return folder
 
@@ -94,7 +111,10 @@ def test_equal_sets(ok, tmp_path: Path) -> None:
         (["compair"], 'the nearest one is "compare"'),
         (["check"], "--out"),
         (["check", "--out", "check", "--generator", "real"], "holds no generator"),
-        (["check", "--out", "check", "--generator", WITHHELD, "--python", "no-such-python"], "there is no program no-such-python"),
+        (
+            ["check", "--out", "check", "--generator", WITHHELD, "--python", "no-such-python"],
+            "there is no program no-such-python",
+        ),
         (["check", "--out", "check", "--generator", WITHHELD, "--jobs", 0], "--jobs"),
     ],
     ids=str,
@@ -155,7 +175,9 @@ def test_power_counts_what_is_noticed_and_named(ok, cli, refused, program: Path,
     run = ok(*small, "--out", "study", "--command", quick, "--json", "power.json", "--jobs", 2)
     power = json.loads((tmp_path / "power.json").read_text())
     assert power["effects"] == ["shot_noise"]
-    assert [(row["frames"], row["sets"]) for row in power["rows"]] == [(frames, 1) for frames in (2, 4) for _ in range(6)]
+    assert [(row["frames"], row["sets"]) for row in power["rows"]] == [
+        (frames, 1) for frames in (2, 4) for _ in range(6)
+    ]
     shares = [row["detected"]["share"] for row in power["rows"] if row["frames"] == 4]
     assert shares[-1] == 1.0, "the catalogue's weakest photon noise is noticed in four frames"
     assert re.search(r"\n4 +1\.00 +1 +100\.0 %", run.out)

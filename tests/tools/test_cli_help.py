@@ -59,7 +59,8 @@ def test_version(ok) -> None:
 
 
 def test_examples_in_the_help_are_valid(ok, refused, tmp_path: Path) -> None:
-    """Every `clspeckle render` and `statistics` example names known options and commands: what fails is only its files."""
+    """Every `clspeckle render` and `statistics` example names known options and commands: what fails is only its
+    files."""
     text = ok("--help").out + ok("render", "--help").out + ok("statistics", "--help").out
     joined = text.replace("\\\n", " ")
     examples = re.findall(r"^  clspeckle ((?:render|statistics) .*)$", joined, re.MULTILINE)

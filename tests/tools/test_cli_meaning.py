@@ -278,8 +278,8 @@ def test_planes_of_unknown_full_scale(cli, ok, scene: Path, plane: str, name: st
     patterned = [*LASER, *PATTERN[2:]] if plane == "pattern" else [*LASER, *PATTERN]
 
     def run(file: str, out: str):
-        return cli("render", "--depth", "z.npy", f"--{plane}", file, "-o", out, *CAMERA, *patterned, "--exposure-gain", 30000,
-                   "--format", "npy", "--no-preview")  # fmt: skip
+        return cli("render", "--depth", "z.npy", f"--{plane}", file, "-o", out, *CAMERA, *patterned,
+                   "--exposure-gain", 30000, "--format", "npy", "--no-preview")  # fmt: skip
 
     told = run(name, "first").err
     advice = re.search(rf"{re.escape(name)}:full_scale=1023", told)
@@ -430,7 +430,9 @@ def test_a_pattern_without_light_is_the_cause(ok, scene: Path) -> None:
 def test_a_frame_that_is_all_at_the_top_code(ok, tmp_path: Path) -> None:
     np.save(tmp_path / "bright.npy", np.full((32, 48), 800, np.int16))
     told = ok("render", "bright.npy", "-o", "out").err
-    assert re.search(r"bright.npy: \d+ % of the frame is at the top code, where 100 % has light: the mean light is 800", told)
+    assert re.search(
+        r"bright.npy: \d+ % of the frame is at the top code, where 100 % has light: the mean light is 800", told
+    )
     assert "--full-scale N makes N the number that means 1" in told and "--exposure-gain auto finds one" in told
     assert "top code:" not in ok("render", "bright.npy", "-o", "auto", "--exposure-gain", "auto").err
     assert "top code:" not in ok("render", "bright.npy", "-o", "scale", "--full-scale", 1023).err

@@ -12,14 +12,21 @@ import pytest
 from cli_support import frames
 
 SIZE = ["--width", 96, "--height", 80, "--frames", 12]
-EFFECTS = {"shot_noise": {"dn_per_electron": 0.4}, "crosstalk": {"fraction": 0.15}, "row_noise": {"sigma_dn": 3.0}, "dsnu": {"sigma_dn": 4.0}}
+EFFECTS = {
+    "shot_noise": {"dn_per_electron": 0.4},
+    "crosstalk": {"fraction": 0.15},
+    "row_noise": {"sigma_dn": 3.0},
+    "dsnu": {"sigma_dn": 4.0},
+}
 """Strong ones, of four kinds: in proportion to the light, between pixels, new in each frame, fixed."""
 DRAWN = set(EFFECTS) - {"dsnu"}
 """Without those that a map holds."""
 
 
 def effect_options(effects: dict[str, dict[str, float]]) -> list[str]:
-    texts = [f"{name}:{','.join(f'{key}={value}' for key, value in values.items())}" for name, values in effects.items()]
+    texts = [
+        f"{name}:{','.join(f'{key}={value}' for key, value in values.items())}" for name, values in effects.items()
+    ]
     return [word for text in texts for word in ("--effect", text)]
 
 
@@ -62,7 +69,27 @@ def render_again(ok, folder: Path, real: Path, into: str, *options: object) -> N
         count = len(np.load(real / sequence["file"], mmap_mode="r"))
         np.save(folder / "ideal.npy", images[sequence["scene"]].astype(np.float32))
         first = number << 20  # another stretch of the noise for each
-        ok("render", "ideal.npy", "-o", f"{into}_{name}", "--profile", "camera.json", "--profile-sequence", name, "--frames", count, "--first-frame", first, "--format", "npy", "--no-preview", "--seed", 12, "--quiet", *options)
+        ok(
+            "render",
+            "ideal.npy",
+            "-o",
+            f"{into}_{name}",
+            "--profile",
+            "camera.json",
+            "--profile-sequence",
+            name,
+            "--frames",
+            count,
+            "--first-frame",
+            first,
+            "--format",
+            "npy",
+            "--no-preview",
+            "--seed",
+            12,
+            "--quiet",
+            *options,
+        )
         np.save(folder / into / sequence["file"], np.stack(frames(folder / f"{into}_{name}")))
     (folder / into / "capture.json").write_text(json.dumps(capture))
 
@@ -100,8 +127,9 @@ def test_profile_holds_the_camera(diagnosed: Path) -> None:
 
 
 def test_round_trip(ok, here: Path, diagnosed: Path) -> None:
-    """Diagnosed, rendered again from the profile, compared: nothing tells them apart. Seeds are fixed. Size: the level is 2 %; of 16 other
-    pairs of one such camera, 13 had no gap (docs/reference/profile.md). Power: without the profile's effects the same comparison finds a gap."""
+    """Diagnosed, rendered again from the profile, compared: nothing tells them apart. Seeds are fixed. Size: the level
+    is 2 %; of 16 other pairs of one such camera, 13 had no gap (docs/reference/profile.md). Power: without the
+    profile's effects the same comparison finds a gap."""
     real = diagnosed / "real"
     render_again(ok, here, real, "again")
     report = ok("gap", "compare", real, "again", "--profile", "camera.json", "--json", "-", "--quiet").json()
@@ -138,8 +166,14 @@ def test_other_cameras_are_refused(refused, here: Path) -> None:
     np.save(here / "ideal.npy", np.ones((80, 96), np.float32))
     np.save(here / "small.npy", np.ones((48, 64), np.float32))
     common = ["-o", "out", "--profile", "camera.json"]
-    assert "small.npy has 64 x 48 pixels, but the camera of camera.json has 96 x 80" in refused("render", "small.npy", *common)
-    for option, value, mine in (("--bits", 12, "10"), ("--pixel-pitch-m", 3e-6, "2.9e-06"), ("--wavelength-m", 8.5e-7, "9.4e-07")):
+    assert "small.npy has 64 x 48 pixels, but the camera of camera.json has 96 x 80" in refused(
+        "render", "small.npy", *common
+    )
+    for option, value, mine in (
+        ("--bits", 12, "10"),
+        ("--pixel-pitch-m", 3e-6, "2.9e-06"),
+        ("--wavelength-m", 8.5e-7, "9.4e-07"),
+    ):
         message = refused("render", "ideal.npy", *common, option, value)
         assert f"{option} " in message and f"contradicts camera.json, whose camera has {mine}" in message
     (here / "config.json").write_text('{"aperture": {"f_number": 8.0}}')
@@ -149,7 +183,9 @@ def test_other_cameras_are_refused(refused, here: Path) -> None:
     message = refused("render", "ideal.npy", *common, "--config", "config.json")
     assert "the configuration has the effect row_noise:sigma_dn=1, but camera.json has row_noise:sigma_dn=" in message
     (here / "config.json").write_text('{"sensor": {"profile": "OS04A10"}}')
-    assert "sensor.profile is OS04A10, but camera.json" in refused("render", "ideal.npy", *common, "--config", "config.json")
+    assert "sensor.profile is OS04A10, but camera.json" in refused(
+        "render", "ideal.npy", *common, "--config", "config.json"
+    )
     assert "give one of them" in refused("render", "ideal.npy", *common, "--config", "config.json")
     message = refused("render", "ideal.npy", *common, "--profile-sequence", "bord_moving")
     assert 'camera.json has no such sequence; the nearest one is "board_moving"' in message
@@ -171,11 +207,16 @@ def damaged(profile: dict, path: str, value: object) -> str:
 
 
 def test_what_is_said_twice_is_said_once(ok, refused, here: Path) -> None:
-    """Of a value or an effect that the configuration and the profile give, the command line gives one; or one of them goes."""
+    """Of a value or an effect that the configuration and the profile give, the command line gives one; or one of them
+    goes."""
     profiled = ["render", "--profile", "camera.json", "--dump-config"]
     for config, advice, options in (
         ({"aperture": {"f_number": 8.0}}, "give one of them, as --f-number on the command line", ["--f-number", 8]),
-        ({"effects": {"row_noise": {"sigma_dn": 1}}}, "give one of them, with --effect on the command line", ["--effect", "row_noise:sigma_dn=1"]),
+        (
+            {"effects": {"row_noise": {"sigma_dn": 1}}},
+            "give one of them, with --effect on the command line",
+            ["--effect", "row_noise:sigma_dn=1"],
+        ),
     ):
         (here / "config.json").write_text(json.dumps(config))
         assert advice in refused(*profiled, "--config", "config.json")
@@ -192,7 +233,11 @@ def test_what_is_said_twice_is_said_once(ok, refused, here: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
-        ("/format", "clspeckle-capture", ['/format is "clspeckle-capture"', '"clspeckle-camera-profile"', "diagnose --profile"]),
+        (
+            "/format",
+            "clspeckle-capture",
+            ['/format is "clspeckle-capture"', '"clspeckle-camera-profile"', "diagnose --profile"],
+        ),
         ("/version", 3, ["/version is 3", "reads versions 1 to 2", "newer clSpeckle"]),
         ("/camera/bits", None, ["/camera/bits is missing", "8 to 16"]),
         ("/camera/bits", 10.5, ["/camera/bits is 10.5", "whole number from 8 to 16"]),
@@ -201,7 +246,11 @@ def test_what_is_said_twice_is_said_once(ok, refused, here: Path) -> None:
         ("/camera/fnumber", 8, ["/camera/fnumber is 8", "no such key", "f_number"]),
         ("/camera", [], ["/camera is []", "an object"]),
         ("/effects/0/effect", "shot_nose", ['/effects/0/effect is "shot_nose"', "no such effect", "shot_noise"]),
-        ("/effects/0/parameters", {"dn_per_electron": 1e9}, ["/effects/0/parameters/dn_per_electron is 1000000000", "from 1e-06"]),
+        (
+            "/effects/0/parameters",
+            {"dn_per_electron": 1e9},
+            ["/effects/0/parameters/dn_per_electron is 1000000000", "from 1e-06"],
+        ),
         ("/effects/0/parameters", {}, ["/effects/0/parameters/", "is missing"]),
         ("/effects/0/parameters", {"strength": 1}, ["/effects/0/parameters/strength is 1", "no such parameter"]),
         ("/effects/0/intervals", {"strength": [0, 1]}, ["/effects/0/intervals/strength", "no parameter"]),
@@ -254,7 +303,17 @@ def test_what_render_cannot_have_is_left_out_with_words(ok, here: Path) -> None:
     profile["lab"]["lights"][0]["uneven"] = True
     (here / "changed.json").write_text(json.dumps(profile))
     np.save(here / "ideal.npy", np.ones((80, 96), np.float32))
-    run = ok("render", "ideal.npy", "-o", "out", "--profile", "changed.json", "--profile-sequence", profile["lab"]["lights"][0]["sequences"][0], "--json")
+    run = ok(
+        "render",
+        "ideal.npy",
+        "-o",
+        "out",
+        "--profile",
+        "changed.json",
+        "--profile-sequence",
+        profile["lab"]["lights"][0]["sequences"][0],
+        "--json",
+    )
     summary = run.json()
     assert set(summary["config"]["effects"]) == DRAWN
     text = " ".join(summary["warnings"])

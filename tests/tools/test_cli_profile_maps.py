@@ -1,4 +1,5 @@
-"""Maps of a camera's own pixels: measured by diagnose --profile, used by render --profile. The camera is made here, by NumPy."""
+"""Maps of a camera's own pixels: measured by diagnose --profile, used by render --profile. The camera is made here, by
+NumPy."""
 
 from __future__ import annotations
 
@@ -13,7 +14,10 @@ from cli_support import frames
 
 HEIGHT, WIDTH, FRAMES = 80, 96, 16
 BLACK, READ_NOISE, LIGHT, DN_PER_ELECTRON = 64.0, 3.0, 400.0, 0.2
-HELD = {"dark": ["dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels"], "gain": ["prnu", "column_gain", "row_gain", "pixel_dull"]}
+HELD = {
+    "dark": ["dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels"],
+    "gain": ["prnu", "column_gain", "row_gain", "pixel_dull"],
+}
 
 
 def camera() -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +34,9 @@ def record(light: np.ndarray, count: int, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     offsets, gains = camera()
     signal = DN_PER_ELECTRON * rng.poisson(np.broadcast_to(light * gains / DN_PER_ELECTRON, (count, HEIGHT, WIDTH)))
-    return np.clip(np.rint(BLACK + offsets + signal + rng.normal(0, READ_NOISE, signal.shape)), 0, 1023).astype(np.uint16)
+    return np.clip(np.rint(BLACK + offsets + signal + rng.normal(0, READ_NOISE, signal.shape)), 0, 1023).astype(
+        np.uint16
+    )
 
 
 def slope() -> np.ndarray:
@@ -40,7 +46,7 @@ def slope() -> np.ndarray:
 
 def lamp() -> np.ndarray:
     """Behind the lens, with a fall-off of 20 % to the corners."""
-    y, x = np.mgrid[: HEIGHT, : WIDTH]
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
     r2 = ((x - (WIDTH - 1) / 2) ** 2 + (y - (HEIGHT - 1) / 2) ** 2) / (((WIDTH - 1) / 2) ** 2 + ((HEIGHT - 1) / 2) ** 2)
     return LIGHT * slope() * (1 - 0.2 * r2)
 
@@ -51,17 +57,42 @@ def write_set(folder: Path, sequences: dict[str, tuple[str, np.ndarray]]) -> Non
     for name, (scene, codes) in sequences.items():
         np.save(folder / f"{name}.npy", codes)
         listed.append({"name": name, "scene": scene, "motion": "static", "file": f"{name}.npy"})
-    about = {"width": WIDTH, "height": HEIGHT, "bits": 10, "pixel_pitch_um": 2.9, "f_number": 5.6, "black_level_dn": BLACK, "read_noise_dn": READ_NOISE}
-    capture = {"format": "clspeckle-capture", "version": 1, "camera": about, "laser": {"wavelength_nm": 940.0, "degree_of_polarization": 1.0}}
-    (folder / "capture.json").write_text(json.dumps(capture | {"baseline": {"field": "circular_gaussian"}, "sequences": listed}))
+    about = {
+        "width": WIDTH,
+        "height": HEIGHT,
+        "bits": 10,
+        "pixel_pitch_um": 2.9,
+        "f_number": 5.6,
+        "black_level_dn": BLACK,
+        "read_noise_dn": READ_NOISE,
+    }
+    capture = {
+        "format": "clspeckle-capture",
+        "version": 1,
+        "camera": about,
+        "laser": {"wavelength_nm": 940.0, "degree_of_polarization": 1.0},
+    }
+    (folder / "capture.json").write_text(
+        json.dumps(capture | {"baseline": {"field": "circular_gaussian"}, "sequences": listed})
+    )
 
 
 @pytest.fixture(scope="module")
 def diagnosed(program: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dark and a flat of 16 frames of 96 x 80 pixels, and their profile."""
     folder = tmp_path_factory.mktemp("maps")
-    write_set(folder / "real", {"dark": ("dark", record(np.zeros((HEIGHT, WIDTH)), FRAMES, 1)), "flat": ("flat", record(lamp(), FRAMES, 2))})
-    run = subprocess.run([str(program), "diagnose", "real", "--profile", "camera.json", "--seed", "1"], cwd=folder, check=True, capture_output=True, text=True, timeout=600)
+    write_set(
+        folder / "real",
+        {"dark": ("dark", record(np.zeros((HEIGHT, WIDTH)), FRAMES, 1)), "flat": ("flat", record(lamp(), FRAMES, 2))},
+    )
+    run = subprocess.run(
+        [str(program), "diagnose", "real", "--profile", "camera.json", "--seed", "1"],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     (folder / "diagnose.txt").write_text(run.stdout)
     np.save(folder / "flat.npy", slope().astype(np.float32))  # the lens is the profile's: vignetting
     return folder
@@ -87,7 +118,9 @@ def test_a_profile_in_the_folder_of_the_set_is_replaced(ok, refused, here: Path,
     about = json.loads((here / "set" / "capture.json").read_text())
     about["sequences"][0]["file"] = "*dark.npy"
     (here / "set" / "capture.json").write_text(json.dumps(about))
-    assert "set/camera.dark.npy: belongs to the capture set" in refused("diagnose", "set", "--profile", "set/camera.json")
+    assert "set/camera.dark.npy: belongs to the capture set" in refused(
+        "diagnose", "set", "--profile", "set/camera.json"
+    )
     (here / "set" / "camera.json").write_text("{}")
     assert "camera.dark.npy: belongs to the capture set" in refused("diagnose", "set", "--profile", "set/camera.json")
     # Frames whose names have no ending of an image.
@@ -100,7 +133,27 @@ def test_a_profile_in_the_folder_of_the_set_is_replaced(ok, refused, here: Path,
 def render(ok, folder: Path, sequence: str, *options: object) -> np.ndarray:
     """The same sequence as was recorded, by the profile's camera; another stretch of the noise for each."""
     first = {"dark": 0, "flat": 1 << 20}[sequence]
-    ok("render", "flat.npy", "-o", f"out_{sequence}", "--profile", "camera.json", "--profile-sequence", sequence, "--frames", FRAMES, "--first-frame", first, "--format", "npy", "--no-preview", "--seed", 12, "--quiet", *options)
+    ok(
+        "render",
+        "flat.npy",
+        "-o",
+        f"out_{sequence}",
+        "--profile",
+        "camera.json",
+        "--profile-sequence",
+        sequence,
+        "--frames",
+        FRAMES,
+        "--first-frame",
+        first,
+        "--format",
+        "npy",
+        "--no-preview",
+        "--seed",
+        12,
+        "--quiet",
+        *options,
+    )
     return np.stack(frames(folder / f"out_{sequence}"))
 
 
@@ -110,7 +163,9 @@ def alike(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_maps_are_the_camera(diagnosed: Path) -> None:
     profile = json.loads((diagnosed / "camera.json").read_text())
-    assert profile["version"] == 2 and set(profile["maps"]) == {"dark", "gain", "notes"} and not profile["maps"]["notes"]
+    assert (
+        profile["version"] == 2 and set(profile["maps"]) == {"dark", "gain", "notes"} and not profile["maps"]["notes"]
+    )
     offsets, gains = camera()
     truths = {"dark": offsets, "gain": gains / gains.mean()}
     # Noise of the mean of 16 frames: of the read noise and the rounding, and of both and the photons over the light.
@@ -138,13 +193,17 @@ def test_maps_are_the_camera(diagnosed: Path) -> None:
     for byte in np.load(diagnosed / "camera.dark.npy").tobytes():
         value = (value ^ byte) * 0x100000001B3 % 2**64
     assert profile["maps"]["dark"]["fnv1a"] == f"{value:016x}"
-    assert "camera.dark.npy: offsets of the pixels of 16 frames, noise left 0.7" in (diagnosed / "diagnose.txt").read_text()
+    assert (
+        "camera.dark.npy: offsets of the pixels of 16 frames, noise left 0.7"
+        in (diagnosed / "diagnose.txt").read_text()
+    )
 
 
 def test_round_trip(ok, here: Path, diagnosed: Path) -> None:
-    """Rendered with its maps the camera has the pixels of the real one: the mean dark frame correlates with the truth, and gap compare finds
-    nothing. Size: of 24 such cameras with other seeds the dark had 0.994 at least, the light, whose 16 frames have noise of their own, 0.898,
-    and 23 had no gap at the level of 2 %. Power: with patterns drawn anew it was 0.04 at most."""
+    """Rendered with its maps the camera has the pixels of the real one: the mean dark frame correlates with the truth,
+    and gap compare finds nothing. Size: of 24 such cameras with other seeds the dark had 0.994 at least, the light,
+    whose 16 frames have noise of their own, 0.898, and 23 had no gap at the level of 2 %. Power: with patterns drawn
+    anew it was 0.04 at most."""
     offsets, gains = camera()
     dark, flat = render(ok, here, "dark"), render(ok, here, "flat")
     assert alike(dark.mean(axis=0), offsets) > 0.9
@@ -152,7 +211,9 @@ def test_round_trip(ok, here: Path, diagnosed: Path) -> None:
     lit = (flat.mean(axis=0) - dark.mean(axis=0)) / lamp()
     assert alike(lit, gains) > 0.85
     write_set(here / "again", {"dark": ("dark", dark), "flat": ("flat", flat)})
-    report = ok("gap", "compare", diagnosed / "real", "again", "--profile", "camera.json", "--json", "-", "--quiet").json()
+    report = ok(
+        "gap", "compare", diagnosed / "real", "again", "--profile", "camera.json", "--json", "-", "--quiet"
+    ).json()
     assert report["cause"]["verdict"] == "none", report["where"][:5]
     anew = render(ok, here, "dark", "--profile-maps", "off")
     assert abs(alike(anew.mean(axis=0), offsets)) < 0.1
@@ -160,7 +221,20 @@ def test_round_trip(ok, here: Path, diagnosed: Path) -> None:
 
 
 def test_options_replace_maps_and_say_so(ok, refused, here: Path) -> None:
-    common = ["render", "flat.npy", "-o", "out", "--profile", "camera.json", "--no-preview", "--format", "npy", "--exposure-gain", 100, "--json"]
+    common = [
+        "render",
+        "flat.npy",
+        "-o",
+        "out",
+        "--profile",
+        "camera.json",
+        "--no-preview",
+        "--format",
+        "npy",
+        "--exposure-gain",
+        100,
+        "--json",
+    ]
     summary = ok(*common).json()
     assert Path(summary["config"]["sensor"]["dark_frame"]).name == "camera.dark.npy"
     assert Path(summary["config"]["sensor"]["gain_map"]).name == "camera.gain.npy"
@@ -173,7 +247,9 @@ def test_options_replace_maps_and_say_so(ok, refused, here: Path) -> None:
     assert any("--dark-frame" in text and "camera.dark.npy" in text for text in own["profile"]["replaced"])
     both = ok(*common, "--effect", "dsnu:sigma_dn=3").json()
     assert any("the effect dsnu:sigma_dn=3 is drawn on top of" in text for text in both["warnings"])
-    assert "--profile-maps off: name the profile, too" in refused("render", "flat.npy", "-o", "none", "--profile-maps", "off")
+    assert "--profile-maps off: name the profile, too" in refused(
+        "render", "flat.npy", "-o", "none", "--profile-maps", "off"
+    )
     # What was rendered can be rendered again without the profile.
     ok("render", "flat.npy", "-o", "again", "--config", "out/config.json")
     assert np.array_equal(*frames(here / "out"), *frames(here / "again"))
@@ -197,7 +273,9 @@ def test_maps_that_are_not_those_are_refused(ok, refused, here: Path, change: st
     elif change == "cut":
         path.write_bytes(data[:-100])
     else:
-        np.save(path, {"smaller": values[:40], "changed": values + np.float32(1), "double": values.astype(float)}[change])
+        np.save(
+            path, {"smaller": values[:40], "changed": values + np.float32(1), "double": values.astype(float)}[change]
+        )
     common = ["render", "flat.npy", "--profile", "camera.json", "--no-preview", "--exposure-gain", 100]
     message = refused(*common, "-o", "none")
     for word in ("the dark map of camera.json: ", *words, "diagnose the capture again", "--profile-maps off"):
@@ -216,7 +294,9 @@ def test_patterns_on_top_of_a_configuration_are_told(ok, here: Path) -> None:
     (here / "mine.json").write_text(json.dumps(config))
     twice = ok(*common, "-o", "twice", "--profile-maps", "off", "--config", "mine.json", "--json").json()
     told = [text for text in twice["warnings"] if "is drawn on top of" in text]
-    assert any("dsnu" in text and "leave one of them out" in text for text in told) and not any("prnu" in text for text in told)
+    assert any("dsnu" in text and "leave one of them out" in text for text in told) and not any(
+        "prnu" in text for text in told
+    )
 
 
 def test_a_link_to_a_profile_finds_its_maps(ok, here: Path) -> None:
@@ -225,7 +305,9 @@ def test_a_link_to_a_profile_finds_its_maps(ok, here: Path) -> None:
     ok("render", "flat.npy", "-o", "out", "--profile", "elsewhere/mine.json", "--no-preview", "--exposure-gain", 100)
 
 
-def notes_of(ok, folder: Path, sequences: dict[str, tuple[str, np.ndarray]], masks: dict[str, np.ndarray]) -> tuple[set[str], str]:
+def notes_of(
+    ok, folder: Path, sequences: dict[str, tuple[str, np.ndarray]], masks: dict[str, np.ndarray]
+) -> tuple[set[str], str]:
     """The maps of a diagnosis, and its notes on them."""
     write_set(folder / "real", sequences)
     capture = json.loads((folder / "real" / "capture.json").read_text())
@@ -240,7 +322,8 @@ def notes_of(ok, folder: Path, sequences: dict[str, tuple[str, np.ndarray]], mas
 
 
 def test_a_dead_pixel_takes_no_map_and_uneven_light_is_told(ok, tmp_path: Path) -> None:
-    """A lamp with a spot of 6 % and 12 pixels across is no polynomial of low degree; its blocks differ by about 1.3 %, chance makes 0.14 %."""
+    """A lamp with a spot of 6 % and 12 pixels across is no polynomial of low degree; its blocks differ by about 1.3 %,
+    chance makes 0.14 %."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     spot = 1 + 0.06 * np.exp(-((x - 60) ** 2 + (y - 30) ** 2) / (2 * 12**2))
     dark, flat = record(np.zeros((HEIGHT, WIDTH)), FRAMES, 1), record(lamp() * spot, FRAMES, 2)
@@ -252,13 +335,18 @@ def test_a_dead_pixel_takes_no_map_and_uneven_light_is_told(ok, tmp_path: Path) 
 
 
 def test_a_map_below_its_noise_and_masks_without_a_common_pixel(ok, tmp_path: Path) -> None:
-    """DSNU of 0.3 DN is beyond chance in 7680 pixels, but a pixel of 16 frames with a read noise of 3 DN is off by 0.75 DN."""
+    """DSNU of 0.3 DN is beyond chance in 7680 pixels, but a pixel of 16 frames with a read noise of 3 DN is off by 0.75
+    DN."""
     rng = np.random.default_rng(5)
     offsets = rng.normal(0, 0.3, (HEIGHT, WIDTH))
-    codes = [BLACK + offsets + light + rng.normal(0, noise, (FRAMES, HEIGHT, WIDTH)) for light, noise in ((0, 3), (400, 9))]
+    codes = [
+        BLACK + offsets + light + rng.normal(0, noise, (FRAMES, HEIGHT, WIDTH)) for light, noise in ((0, 3), (400, 9))
+    ]
     left = np.broadcast_to(np.arange(WIDTH) < WIDTH // 2, (HEIGHT, WIDTH))
     dark, flat = (np.clip(np.rint(c), 0, 1023).astype(np.uint16) for c in codes)
-    maps, notes = notes_of(ok, tmp_path, {"dark": ("dark", dark), "flat": ("flat", flat)}, {"dark": left, "flat": ~left})
+    maps, notes = notes_of(
+        ok, tmp_path, {"dark": ("dark", dark), "flat": ("flat", flat)}, {"dark": left, "flat": ~left}
+    )
     assert not maps
     assert "no dark map: its noise, 0.75" in notes and "is larger than its pattern, 0.3" in notes
     assert "no gain map: no pixel counts in both a dark sequence and a flat" in notes
@@ -267,7 +355,11 @@ def test_a_map_below_its_noise_and_masks_without_a_common_pixel(ok, tmp_path: Pa
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
-        ("dark/file", "../camera.dark.npy", '/maps/dark/file is "../camera.dark.npy"; expected the name of a file beside the profile'),
+        (
+            "dark/file",
+            "../camera.dark.npy",
+            '/maps/dark/file is "../camera.dark.npy"; expected the name of a file beside the profile',
+        ),
         ("dark/shape", [HEIGHT, 8], "/maps/dark/shape is [80,8]; expected [80,96]"),
         ("gain/fnv1a", "xyz", '/maps/gain/fnv1a is "xyz"; expected 16 hexadecimal digits'),
         ("gain/holds", ["prnoo"], '/maps/gain/holds/0 is "prnoo"; clSpeckle'),
@@ -289,13 +381,18 @@ def test_first_version_has_no_maps(ok, refused, here: Path) -> None:
     assert "/maps is {" in refused("render", "flat.npy", "-o", "none", "--profile", "bad.json")
     del profile["maps"]
     (here / "old.json").write_text(json.dumps(profile | {"version": 1}))
-    old = ok("render", "flat.npy", "-o", "out", "--profile", "old.json", "--exposure-gain", 100, "--no-preview", "--json").json()
+    old = ok(
+        "render", "flat.npy", "-o", "out", "--profile", "old.json", "--exposure-gain", 100, "--no-preview", "--json"
+    ).json()
     assert {"dsnu", "prnu"} <= set(old["config"]["effects"])
 
 
 def test_single_frames_have_no_maps_and_render(ok, refused, tmp_path: Path) -> None:
     """One frame does not tell its noise from its pattern. The rest of the profile is there, and can be rendered."""
-    write_set(tmp_path / "real", {"dark": ("dark", record(np.zeros((HEIGHT, WIDTH)), 1, 1)), "flat": ("flat", record(lamp(), 1, 2))})
+    write_set(
+        tmp_path / "real",
+        {"dark": ("dark", record(np.zeros((HEIGHT, WIDTH)), 1, 1)), "flat": ("flat", record(lamp(), 1, 2))},
+    )
     text = ok("diagnose", "real", "--profile", "camera.json", "--seed", 1).out
     assert "no dark map: dark: one frame does not tell its noise from its pattern; record two or more" in text
     assert not list(tmp_path.glob("camera.*.npy"))
@@ -304,7 +401,9 @@ def test_single_frames_have_no_maps_and_render(ok, refused, tmp_path: Path) -> N
 
 
 def test_files_are_not_overwritten(refused, here: Path, diagnosed: Path) -> None:
-    assert "its map x.dark.npy is what another option names" in refused("diagnose", diagnosed / "real", "--profile", "x.json", "--json", "x.dark.npy")
+    assert "its map x.dark.npy is what another option names" in refused(
+        "diagnose", diagnosed / "real", "--profile", "x.json", "--json", "x.dark.npy"
+    )
     (here / "x.gain.npy").mkdir()
     assert "x.gain.npy: is a folder" in refused("diagnose", diagnosed / "real", "--profile", "x.json", code=3)
     assert "/dev/null: is no regular file" in refused("diagnose", diagnosed / "real", "--profile", "/dev/null", code=3)

@@ -46,7 +46,7 @@ def test_statistics_and_a_folder(ok, tmp_path: Path) -> None:
 def test_descriptions_that_do_not_fit_are_refused(refused, ok, tmp_path: Path) -> None:
     (tmp_path / "a.raw").write_bytes(mono12p(codes12(1)))
     assert "raw frames must be described" in refused("render", "a.raw", "-o", "out")
-    assert "--raw \"40,12\": \"40\" is no size" in refused("render", "a.raw", "-o", "out", "--raw", "40,12")
+    assert '--raw "40,12": "40" is no size' in refused("render", "a.raw", "-o", "out", "--raw", "40,12")
     message = refused("render", "a.raw", "-o", "out", "--raw", f"{SIZE},12")
     assert "has 1680 bytes" in message and "12,genicam (1 frame)" in message
     ok("statistics", "a.raw", "--raw", f"{SIZE},12,genicam")
@@ -154,7 +154,9 @@ def test_little_endian_pgm_files_of_a_capture(ok, refused, tmp_path: Path) -> No
     assert raw in told[0] and f'"raw": "{raw}"' in told[0]
     # init tells the same, and its option does what the message says.
     told_by_init = ok("capture", "init", "set", "--force").err
-    assert told_by_init.count("little-endian") == 1 and f"--raw {raw}" in told_by_init and "byteswap" not in told_by_init
+    assert (
+        told_by_init.count("little-endian") == 1 and f"--raw {raw}" in told_by_init and "byteswap" not in told_by_init
+    )
     assert "little-endian" not in ok("capture", "init", "set", "--force", "--raw", raw).err
     written = json.loads((tmp_path / "set" / "capture.json").read_text())
     assert written["camera"]["bits"] == 10 and written["sequences"][0]["raw"] == raw

@@ -67,8 +67,8 @@ def test_still_scene_keeps_its_speckle_and_renews_its_noise(ok, tmp_path: Path) 
 
 
 def test_refresh_mask(ok, refused, tmp_path: Path) -> None:
-    """Only the light of masked pixels changes. A wide pupil with a soft rim spreads a point over few pixels, so that far from
-    the mask nothing does; `none` ignores the mask."""
+    """Only the light of masked pixels changes. A wide pupil with a soft rim spreads a point over few pixels, so that
+    far from the mask nothing does; `none` ignores the mask."""
     np.save(tmp_path / "flat.npy", np.full((64, 64), 0.5, np.float32))
     mask = np.zeros((64, 64), np.uint8)
     mask[:, 32:] = 255
@@ -119,8 +119,8 @@ def test_frames_of_a_sequence(ok, refused, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("bits", [8, 10, 16])
 def test_automatic_exposure(ok, tmp_path: Path, bits: int) -> None:
-    """A flat image speckles to a mean of half of full scale. Its mean is that of some 2000 independent speckles, so that its
-    relative standard error is about 2 %."""
+    """A flat image speckles to a mean of half of full scale. Its mean is that of some 2000 independent speckles, so
+    that its relative standard error is about 2 %."""
     np.save(tmp_path / "flat.npy", np.full((96, 96), 3.7e-3, np.float32))
     settings = ["--exposure-gain", "auto", "--bits", bits, "--relative-diameter", 0.5, "--black-level", 16, *QUICK]
     summary = ok("render", "flat.npy", "-o", "out", *settings, "--json").json()
@@ -141,8 +141,13 @@ def test_automatic_exposure_needs_light(refused, tmp_path: Path) -> None:
     np.save(tmp_path / "black.npy", np.zeros((48, 64), np.float32))
     assert "--exposure-gain" in refused("render", "black.npy", "-o", "out", "--exposure-gain", "auto")
     np.save(tmp_path / "dim.npy", np.full((48, 64), 0.1, np.float32))
-    message = refused("render", "dim.npy", "-o", "out", "--exposure-gain", "auto", "--effect", "ambient_light:level_dn=2000")
-    assert "the code without light, 64, and ambient light of 2000 dn leave nothing of the range, which ends at 1023; lower them" in message
+    message = refused(
+        "render", "dim.npy", "-o", "out", "--exposure-gain", "auto", "--effect", "ambient_light:level_dn=2000"
+    )
+    assert (
+        "the code without light, 64, and ambient light of 2000 dn leave nothing of the range, which ends at 1023; "
+        "lower them" in message
+    )
 
 
 def test_dark_frame(ok, refused, tmp_path: Path) -> None:
@@ -164,10 +169,26 @@ def test_gain_map(ok, refused, tmp_path: Path) -> None:
     gains = np.where(np.arange(64) % 2, 0.875, 1.125).astype(np.float32) * np.ones((48, 64), np.float32)
     np.save(tmp_path / "gain.npy", gains)
     np.save(tmp_path / "one.npy", np.ones((48, 64), np.float32))
-    settings = [*QUICK, "--read-noise", 0, "--black-level", 10, "--exposure-gain", 200, "--illumination", "incoherent", "--normalization", "unit_mean"]
+    settings = [
+        *QUICK,
+        "--read-noise",
+        0,
+        "--black-level",
+        10,
+        "--exposure-gain",
+        200,
+        "--illumination",
+        "incoherent",
+        "--normalization",
+        "unit_mean",
+    ]
     ok("render", "one.npy", "-o", "out", "--gain-map", "gain.npy", *settings)
     np.testing.assert_array_equal(frames(tmp_path / "out")[0], 200 * gains + 10)
-    for name, changed, words in (("other", gains[:40], "64 x 40"), ("negative", gains - 1, "pixel (1, 0) of the gain map is -0.125; it must be finite and at least 0"), ("dn", gains * 200, "a mean of 200, it must be 0.9 to 1.1")):
+    for name, changed, words in (
+        ("other", gains[:40], "64 x 40"),
+        ("negative", gains - 1, "pixel (1, 0) of the gain map is -0.125; it must be finite and at least 0"),
+        ("dn", gains * 200, "a mean of 200, it must be 0.9 to 1.1"),
+    ):
         np.save(tmp_path / f"{name}.npy", changed)
         message = refused("render", "one.npy", "-o", "none", "--gain-map", f"{name}.npy", *settings)
         assert f"{name}.npy: " in message and words in message, message

@@ -1,4 +1,5 @@
-"""Which files of a folder are one series: names that differ in numbers alone. Every advice that is given is followed."""
+"""Which files of a folder are one series: names that differ in numbers alone. Every advice that is given is
+followed."""
 
 from __future__ import annotations
 
@@ -105,7 +106,9 @@ def test_names_in_another_order_than_they_count_are_told(ok, tmp_path: Path) -> 
     assert "order" not in ok("render", "two", "-o", "out2", "--read-noise-dn", 0).err
     # A shell sorts 10 before 2.
     filled(tmp_path / "many", [f"f{i}.png" for i in range(9, 12)])
-    assert "taken in the order 10, 11, 9" in ok("render", "many/f10.png", "many/f11.png", "many/f9.png", "-o", "out3").err
+    assert (
+        "taken in the order 10, 11, 9" in ok("render", "many/f10.png", "many/f11.png", "many/f9.png", "-o", "out3").err
+    )
     assert "order" not in ok("render", "many", "-o", "out4").err
 
 
@@ -180,7 +183,9 @@ def test_files_that_differ_are_named(refused, tmp_path: Path) -> None:
     assert "f0.png: has samples of type uint8" in refused("capture", "check", "set")
 
 
-def test_images_in_folders_of_a_folder_are_pointed_out(ok: Callable[..., Run], refused: Callable[..., str], tmp_path: Path) -> None:
+def test_images_in_folders_of_a_folder_are_pointed_out(
+    ok: Callable[..., Run], refused: Callable[..., str], tmp_path: Path
+) -> None:
     for i, name in enumerate(("left", "right")):
         (tmp_path / "set" / name).mkdir(parents=True)
         iio.imwrite(tmp_path / "set" / name / "1.png", np.full(SIZE, 60 + 60 * i, np.uint8))

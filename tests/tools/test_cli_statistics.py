@@ -61,9 +61,9 @@ def test_histogram(ok, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("sigma_x", "sigma_y"), [(1.0, 1.0), (2.5, 1.5)])
 def test_speckle_size(ok, tmp_path: Path, sigma_x: float, sigma_y: float) -> None:
-    """White noise blurred by a Gaussian has a Gaussian autocovariance of sqrt(2) its width: FWHM = 2 sqrt(2 ln 2) sqrt(2)
-    sigma. 192 x 192 pixels hold some 3000 cells of the wider blur, which leaves an error of about 2 %; the interpolation
-    adds less than 1 %."""
+    """White noise blurred by a Gaussian has a Gaussian autocovariance of sqrt(2) its width: FWHM = 2 sqrt(2 ln 2)
+    sqrt(2) sigma. 192 x 192 pixels hold some 3000 cells of the wider blur, which leaves an error of about 2 %; the
+    interpolation adds less than 1 %."""
     side = 192
     noise = np.random.default_rng(4).normal(size=(side, side))
     frequency = 2 * np.pi * np.fft.fftfreq(side)
@@ -77,9 +77,9 @@ def test_speckle_size(ok, tmp_path: Path, sigma_x: float, sigma_y: float) -> Non
 
 
 def test_speckle_of_a_rendered_frame(ok, tmp_path: Path) -> None:
-    """Fully developed speckle through a circular aperture of D cycles per pixel: its autocovariance is (2 J1(x) / x)^2 with
-    x = pi D r, which falls to one half at x = 1.6163, so FWHM = 1.029 / D. Contrast 1: 128 x 128 pixels with D = 0.25 hold some 800
-    speckles, so that the contrast is known to about 4 % and the size to about 3 %."""
+    """Fully developed speckle through a circular aperture of D cycles per pixel: its autocovariance is (2 J1(x) / x)^2
+    with x = pi D r, which falls to one half at x = 1.6163, so FWHM = 1.029 / D. Contrast 1: 128 x 128 pixels with D =
+    0.25 hold some 800 speckles, so that the contrast is known to about 4 % and the size to about 3 %."""
     np.save(tmp_path / "flat.npy", np.ones((128, 128), np.float32))
     ok("render", "flat.npy", "-o", "out", "--no-sensor", "--format", "float-npy", "--relative-diameter", 0.25)
     frame = ok("statistics", "out/frame_000000.npy", "--json").json()["frames"][0]

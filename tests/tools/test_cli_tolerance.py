@@ -73,7 +73,19 @@ def test_the_docs_example(ok, camera: Path, tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_bad_files(refused, ok, tmp_path: Path, text: str, expected: list[str]) -> None:
-    ok("capture", "make", "camera", "--width", 32, "--height", 32, "--frames", 4, "--sequences", "dark,flat,board_moving")
+    ok(
+        "capture",
+        "make",
+        "camera",
+        "--width",
+        32,
+        "--height",
+        32,
+        "--frames",
+        4,
+        "--sequences",
+        "dark,flat,board_moving",
+    )
     (tmp_path / "t.json").write_text(text)
     shown = refused("diagnose", "camera", "--tolerance", "t.json")
     for words in ["t.json", *expected]:

@@ -59,7 +59,9 @@ def test_hypotheses_stay_in_their_folder(refused: Callable[..., str], tmp_path: 
     about = {"id": "own", "stage": "optics", "parameters": {"a": {"weak": 1, "strong": 2}}, "opencl": name}
     (tmp_path / "set").mkdir()
     (tmp_path / "own.json").write_text(json.dumps(about))
-    assert "outside the folder of the file: copy it there, or link to it" in refused("diagnose", "set", "--hypothesis", "own.json")
+    assert "outside the folder of the file: copy it there, or link to it" in refused(
+        "diagnose", "set", "--hypothesis", "own.json"
+    )
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "own.cl").write_text("float hypothesis(void);")
     (tmp_path / "own.json").write_text(json.dumps({**about, "opencl": "own.cl"}))

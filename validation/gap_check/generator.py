@@ -17,7 +17,8 @@ from .sensor import Codes, record
 
 
 def generate_sequence(camera: Camera, sequence: Sequence, effects: Effects, frames: int, seed: int) -> Codes:
-    """Codes (frames, height, width) of what is recorded. The same seed gives the same surfaces and noise whatever the effects."""
+    """Codes (frames, height, width) of what is recorded. The same seed gives the same surfaces and noise whatever the
+    effects."""
     validate(effects)
     # A lagging sensor remembers what it saw before the first frame.
     exposures = frames + ("image_lag" in effects)

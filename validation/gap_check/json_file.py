@@ -10,8 +10,8 @@ MOST_BYTES = 64 << 20
 
 
 def read_json(path: Path) -> Any:
-    """What a file holds. OSError: it cannot be read; ValueError with its name: it is no JSON in UTF-8 (with or without a byte
-    order mark), too large, nested too deep, or gives a key twice."""
+    """What a file holds. OSError: it cannot be read; ValueError with its name: it is no JSON in UTF-8 (with or without
+    a byte order mark), too large, nested too deep, or gives a key twice."""
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
     try:

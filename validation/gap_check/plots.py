@@ -21,12 +21,12 @@ def plot_confusion(confusion: dict[str, Any], path: Path) -> None:
     axes.set_xticks(range(len(verdicts)), verdicts, rotation=90, fontsize=7)
     axes.set_yticks(range(len(truths)), truths, fontsize=7)
     for row, column in np.argwhere(counts > 0):
-        colour = "white" if shares[row, column] > 0.5 else "black"
-        axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", fontsize=6, color=colour)
+        color = "white" if shares[row, column] > 0.5 else "black"
+        axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", fontsize=6, color=color)
     axes.axvline(len(truths) - 0.5, color="0.6", linewidth=0.8)
     axes.set_xlabel("said")
     axes.set_ylabel("true")
-    axes.set_title("Confusion matrix: number of sets, colour by row")
+    axes.set_title("Confusion matrix: number of sets, color by row")
     figure.colorbar(image, ax=axes, shrink=0.5, label="share of the effect's sets")
     figure.savefig(path, dpi=130)
     plt.close(figure)
@@ -59,7 +59,7 @@ def plot_accuracy(rows: list[dict[str, Any]], label: str, path: Path) -> None:
     filled = [row for row in rows if row["sets"]]
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     place = np.arange(len(filled), dtype=float)
-    for offset, (name, text, colour) in enumerate(
+    for offset, (name, text, color) in enumerate(
         (
             ("detected", "noticed", "0.6"),
             ("included", "named, or among the equivalents", "tab:orange"),
@@ -69,7 +69,7 @@ def plot_accuracy(rows: list[dict[str, Any]], label: str, path: Path) -> None:
         share = np.array([row[name]["share"] for row in filled])
         bounds = np.array([row[name]["wilson95"] for row in filled]).reshape(-1, 2)
         error = np.abs(np.stack([share - bounds[:, 0], bounds[:, 1] - share]))
-        axes.errorbar(place + 0.12 * (offset - 1), share, error, fmt="o-", capsize=3, label=text, color=colour)
+        axes.errorbar(place + 0.12 * (offset - 1), share, error, fmt="o-", capsize=3, label=text, color=color)
     ticks = [f"above {row['low']:g}" if row["high"] is None else f"{row['low']:g} to {row['high']:g}" for row in filled]
     axes.set_xticks(place, [f"{tick}\n{row['sets']} sets" for tick, row in zip(ticks, filled, strict=True)], fontsize=8)
     axes.set_ylim(0, 1.03)
@@ -89,11 +89,11 @@ def plot_parameters(rows: list[dict[str, Any]], path: Path) -> None:
         x = names.index(f"{row['effect']}: {row['parameter']}")
         scale = abs(row["truth"]) or 1.0
         ratio = 1 + (row["estimate"] - row["truth"]) / scale
-        colour = "0.5" if row["held"] is None else ("tab:blue" if row["held"] else "tab:red")
+        color = "0.5" if row["held"] is None else ("tab:blue" if row["held"] else "tab:red")
         if row["held"] is not None:
             bounds = [1 + (row[side] - row["truth"]) / scale for side in ("low", "high")]
-            axes.plot([x, x], bounds, color=colour, alpha=0.4)
-        axes.plot(x, ratio, ".", color=colour)
+            axes.plot([x, x], bounds, color=color, alpha=0.4)
+        axes.plot(x, ratio, ".", color=color)
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_ylim(0.3, 1.7)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
@@ -104,7 +104,8 @@ def plot_parameters(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def plot_ranks(counts: list[int], path: Path) -> None:
-    """Ranks of the truths: even if the intervals are right, high at the ends if they are too short, to one side if biased."""
+    """Ranks of the truths: even if the intervals are right, high at the ends if they are too short, to one side if
+    biased."""
     count, bins = sum(counts), len(counts)
     even = count / bins
     scatter = 1.96 * np.sqrt(even * (1 - 1 / bins))

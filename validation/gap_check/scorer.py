@@ -62,8 +62,8 @@ class Estimate:
 
 
 def estimates(outcomes: list[Outcome]) -> list[Estimate]:
-    """Of all parameters that are drawn (those with a range) and whose effect was named; of single effects also where the
-    truth was among the equivalents."""
+    """Of all parameters that are drawn (those with a range) and whose effect was named; of single effects also where
+    the truth was among the equivalents."""
     return [
         estimate
         for outcome in outcomes
@@ -93,7 +93,9 @@ def calibration(outcomes: list[Outcome]) -> dict[str, Any]:
     levels = []
     for level in CALIBRATION_LEVELS:
         inside = sum(abs(2 * rank - 1) <= level for rank in ranks)
-        levels.append({"level": level, "held": inside, "count": len(ranks), "wilson95": list(wilson(inside, len(ranks)))})
+        levels.append(
+            {"level": level, "held": inside, "count": len(ranks), "wilson95": list(wilson(inside, len(ranks)))}
+        )
     counts = np.histogram(ranks, bins=RANK_BINS, range=(0.0, 1.0))[0]
     return {"levels": levels, "ranks": [int(count) for count in counts]}
 

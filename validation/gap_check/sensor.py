@@ -198,7 +198,8 @@ def lagged(camera: Camera, signal: Stack, fraction: float) -> Stack:
 
 
 def between_levels(analog: Stack, wave: dict[str, float], seed: int) -> Stack:
-    """What a converter with even levels would round to the codes of one whose code n is 1 + a cos(2 pi (n - m) / p) wide.
+    """What a converter with even levels would round to the codes of one whose code n is 1 + a cos(2 pi (n - m) / p)
+    wide.
 
     Its levels are the sums of the widths; between two of them a value keeps its share of the way.
     """

@@ -89,7 +89,9 @@ def calibration_table(levels: list[dict[str, Any]]) -> list[str]:
     for row in levels:
         share = f"{100 * row['held'] / row['count']:.0f} %"
         low, high = (100 * bound for bound in row["wilson95"])
-        rows.append([f"{100 * row['level']:.0f} %", share, f"{low:.0f} to {high:.0f} %", _share(row["held"], row["count"])])
+        rows.append(
+            [f"{100 * row['level']:.0f} %", share, f"{low:.0f} to {high:.0f} %", _share(row["held"], row["count"])]
+        )
     return _table(["central interval", "holds the truth", "95 % (Wilson)", "parameters"], rows)
 
 

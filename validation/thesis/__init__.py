@@ -1,1 +1,2 @@
-"""The thesis's experiments and figures, repeated with the library: ``python -m thesis --help``, with ``validation`` on PYTHONPATH."""
+"""The thesis's experiments and figures, repeated with the library: ``python -m thesis --help``, with ``validation`` on
+PYTHONPATH."""

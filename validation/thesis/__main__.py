@@ -1,7 +1,8 @@
 """Repeats the experiments and figures of the thesis with clSpeckle.
 
-Each experiment runs from its settings in config.json, and leaves in OUT/NAME its data (data.npz), its figure (figure.png) and its
-verdicts (verdicts.json): what was measured beside what theory says. `page` makes a page of all that OUT holds.
+Each experiment runs from its settings in config.json, and leaves in OUT/NAME its data (data.npz), its figure
+(figure.png) and its verdicts (verdicts.json): what was measured beside what theory says. `page` makes a page of all
+that OUT holds.
 
 Examples (with the folder `validation` on PYTHONPATH):
   python -m thesis list
@@ -83,7 +84,8 @@ def show(record: Record) -> None:
     for verdict in record.verdicts:
         mark = "passed" if verdict.passed else "FAILED"
         print(
-            f"  {mark}  {verdict.what}: {verdict.value:.6g}, expected {verdict.expected:.6g} within {verdict.tolerance:.2g}"
+            f"  {mark}  {verdict.what}: {verdict.value:.6g}, expected {verdict.expected:.6g} within "
+            f"{verdict.tolerance:.2g}"
         )
 
 

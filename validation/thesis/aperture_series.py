@@ -28,7 +28,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             totals[k, index] = image.sum(dtype=float)
         shown.append(patches(image, positions, config["patch_reach_px"])[config["shown_dot"]])
     left = totals.mean(axis=1) / totals[0].mean()
-    # Exactly: the pupil's part of the frequency grid. The same phases for all apertures; each total is a sum over many speckles.
+    # Exactly: the pupil's part of the frequency grid. The same phases for all apertures; each total is a sum over many
+    # speckles.
     exact = np.array([theory.pupil(shape, float(d)).mean() for d in diameters])
     exact /= exact[0]
     error = totals.std(axis=1, ddof=1) / totals.mean(axis=1) / np.sqrt(config["frames"])
@@ -42,7 +43,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             float(np.abs((left - exact) / deviation)[1:].max()),
             0.0,
             4.0,
-            "energy behind the aperture is the part of the spectrum that it passes (Parseval); standard errors over frames",
+            "energy behind the aperture is the part of the spectrum that it passes (Parseval); standard errors over "
+            "frames",
         ),
         Verdict(
             "factor of D^2", factor, 1.0, 0.01, "area of a circle; 1 %: the disc on a grid of frequencies, and speckle"
@@ -73,7 +75,8 @@ EXPERIMENTS = [
         "aperture_series",
         "33, 34",
         "Smaller and smaller apertures",
-        "Dots behind apertures from full diameter to a fifth, the same phases each time; square roots as in the thesis's picture (gamma 2.2). What is left of the "
+        "Dots behind apertures from full diameter to a fifth, the same phases each time; square roots as in the "
+        "thesis's picture (gamma 2.2). What is left of the "
         "light is the pupil's area.",
         run,
         draw,

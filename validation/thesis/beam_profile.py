@@ -41,8 +41,8 @@ def gaussian_width(patch: np.ndarray) -> float:
 def expected_patch(
     config: Config, diameter: float, oversampling: int, shape: tuple[int, int], positions: np.ndarray
 ) -> np.ndarray:
-    """Mean of many speckled dots: the ideal ones spread by the lens, integrated over the pixel (E|h * U|^2 of a field without
-    correlation). The lens's far wings bring light from the neighbours, too."""
+    """Mean of many speckled dots: the ideal ones spread by the lens, integrated over the pixel (E|h * U|^2 of a field
+    without correlation). The lens's far wings bring light from the neighbours, too."""
     s = oversampling
     sigma = config["sigma_px"]
     axis = np.arange(-config["margin_px"], config["margin_px"] + 1)
@@ -142,8 +142,10 @@ EXPERIMENTS = [
         "beam_profile",
         "27, 32, 38",
         "The beam's profile from speckled dots",
-        "Averaged over 100 frames of 5303 dots, and over 2500 dots of a single unpolarized frame at f/2.8, speckle leaves the dot's shape. The mean is the ideal "
-        "dot spread by the lens and integrated over the pixel, a little wider than the beam; the thesis takes it for the beam itself.",
+        "Averaged over 100 frames of 5303 dots, and over 2500 dots of a single unpolarized frame at f/2.8, speckle "
+        "leaves the dot's shape. The mean is the ideal "
+        "dot spread by the lens and integrated over the pixel, a little wider than the beam; the thesis takes it for "
+        "the beam itself.",
         run,
         draw,
     )

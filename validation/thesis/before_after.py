@@ -80,14 +80,16 @@ def run(config: Config, progress: Progress) -> Outcome:
             float(ratio.mean()),
             1.0,
             5 * contrast / np.sqrt(speckles),
-            f"speckle takes as much as it gives; the smooth image is the ideal one through the lens; 5 standard errors of {speckles} speckles",
+            "speckle takes as much as it gives; the smooth image is the ideal one through the lens; 5 standard errors "
+            f"of {speckles} speckles",
         ),
         Verdict(
             "contrast of that ratio",
             float(ratio.std() / ratio.mean()),
             contrast,
             5 * theory.contrast_deviation(contrast, speckles),
-            "at every pixel, on dots as between them, the field is a circular Gaussian: unpolarized 1 / sqrt(2); 5 standard errors",
+            "at every pixel, on dots as between them, the field is a circular Gaussian: unpolarized 1 / sqrt(2); 5 "
+            "standard errors",
         ),
     ]
     # Where the laser gives nothing; after, the lens brings a little light there from the dots.
@@ -131,7 +133,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             median_after,
             median_simulated,
             float(tolerance),
-            f"that of the same dots with speckle by NumPy in float64; {ratios.shape[1]} dots, 5 standard errors of the difference of the medians",
+            f"that of the same dots with speckle by NumPy in float64; {ratios.shape[1]} dots, 5 standard errors of the "
+            "difference of the medians",
         ),
         Verdict(
             "part of that elongation that is there before",
@@ -176,7 +179,8 @@ EXPERIMENTS = [
         "before_after",
         "39",
         "A frame before and after its speckle",
-        "The office desk under its dots, with the same noise in both frames, and a lens that gives a little speckle (f/4). Before, dots are round; "
+        "The office desk under its dots, with the same noise in both frames, and a lens that gives a little speckle "
+        "(f/4). Before, dots are round; "
         "after, no dot is. The thesis shows the two pictures and gives no number.",
         run,
         draw,

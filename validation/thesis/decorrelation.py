@@ -188,7 +188,8 @@ EXPERIMENTS = [
         "decorrelation",
         "22, 23, 24",
         "Moving along X, along Z, turning about Y",
-        "The speckle of a board while the device moves by the thesis's steps. The lengths (0.5 mm, 3 mm, 0.25 degrees) are the thesis's and settings "
+        "The speckle of a board while the device moves by the thesis's steps. The lengths (0.5 mm, 3 mm, 0.25 degrees) "
+        "are the thesis's and settings "
         "of a material; the shape of the curves is the model's, and its correlation ends.",
         motion_run,
         motion_draw,
@@ -197,7 +198,8 @@ EXPERIMENTS = [
         "living_surfaces",
         "26",
         "Skin and cloth",
-        "A person who sits still, at 30 frames per second: on skin and cloth no correlation lasts from one frame to the next, on the board beside them "
+        "A person who sits still, at 30 frames per second: on skin and cloth no correlation lasts from one frame to "
+        "the next, on the board beside them "
         "all does.",
         living_run,
         living_draw,

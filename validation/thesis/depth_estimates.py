@@ -151,7 +151,8 @@ def f_number_run(config: Config, progress: Progress) -> Outcome:
     contrast = theory.contrast(config["degree_of_polarization"])
     pitch, wavelength = config["pixel_pitch_m"], config["wavelength_m"]
     for f_number in config["f_numbers"]:
-        # Dorsch, Haeusler, Herrmann, Applied Optics 33, 1306 (1994): C lambda / (2 pi sin u), sin u = 1 / (2 F) behind the lens.
+        # Dorsch, Haeusler, Herrmann, Applied Optics 33, 1306 (1994): C lambda / (2 pi sin u), sin u = 1 / (2 F) behind
+        # the lens.
         law_px = contrast * wavelength * f_number / (np.pi * pitch)
         verdicts.append(
             Verdict(
@@ -159,7 +160,8 @@ def f_number_run(config: Config, progress: Progress) -> Outcome:
                 spreads[f_number] / (law_px * rig.metres_per_px),
                 1.3,
                 0.4,
-                "C lambda F / pi on the sensor, the least that a centroid can reach; fits and pixels add to it: 0.9 to 1.7 times",
+                "C lambda F / pi on the sensor, the least that a centroid can reach; fits and pixels add to it: 0.9 to "
+                "1.7 times",
             )
         )
     verdicts.append(
@@ -205,7 +207,8 @@ EXPERIMENTS = [
         "depth_consistency",
         "28",
         "Depth of ten dots, at rest and in motion",
-        "A wall at 1 m, 30 frames. At rest each dot has a bias of its own, that of its speckle, and fluctuates with the noise; when the speckle is new "
+        "A wall at 1 m, 30 frames. At rest each dot has a bias of its own, that of its speckle, and fluctuates with "
+        "the noise; when the speckle is new "
         "in each frame the bias becomes the fluctuation.",
         consistency_run,
         consistency_draw,
@@ -214,8 +217,10 @@ EXPERIMENTS = [
         "depth_f_number",
         "35",
         "Depth of a wall at 1 m with the f-number",
-        "The same exposure for all apertures, as the thesis has it. The thesis's detector is not known; this is the library's. Dorsch's law is the least "
-        "deviation that speckle leaves to any triangulation. The thesis's measurements (its Fig. 36, no numbers given) grow likewise, and are wider.",
+        "The same exposure for all apertures, as the thesis has it. The thesis's detector is not known; this is the "
+        "library's. Dorsch's law is the least "
+        "deviation that speckle leaves to any triangulation. The thesis's measurements (its Fig. 36, no numbers given) "
+        "grow likewise, and are wider.",
         f_number_run,
         f_number_draw,
     ),

@@ -10,11 +10,12 @@ from .experiment import Config, Experiment, Outcome, Progress, Verdict
 
 
 def binary_power_budget(phase: np.ndarray, orders: np.ndarray, error: float) -> tuple[float, float]:
-    """Zero order and sum of the wanted orders of a cell with two levels whose depth is 1 + error times what it should be.
+    """Zero order and sum of the wanted orders of a cell with two levels whose depth is 1 + error times what it should
+    be.
 
-    The transmission s is 1 or -1; with the error t = (1 - w) / 2 + s (1 + w) / 2, w = exp(i pi error): a constant, which is zero
-    order alone, and the design times cos(pi error / 2). So P(0) = sin^2 + cos^2 S(0)^2 and P(m, n) = cos^2 |S(m, n)|^2,
-    under the envelope of square pixels.
+    The transmission s is 1 or -1; with the error t = (1 - w) / 2 + s (1 + w) / 2, w = exp(i pi error): a constant,
+    which is zero order alone, and the design times cos(pi error / 2). So P(0) = sin^2 + cos^2 S(0)^2 and P(m, n) =
+    cos^2 |S(m, n)|^2, under the envelope of square pixels.
     """
     height, width = phase.shape
     field = np.fft.fft2(np.exp(1j * phase.astype(float))) / phase.size
@@ -99,7 +100,8 @@ def depth_errors(splitter: Splitter) -> tuple[dict[str, np.ndarray], list[Verdic
         expected[:, k] = binary_power_budget(splitter.design.phase, splitter.orders, float(error))
     verdicts = [
         Verdict(
-            f"largest difference of the {name} share from theory, etch depth off by {errors.min():+.0%} to {errors.max():+.0%}",
+            f"largest difference of the {name} share from theory, etch depth off by {errors.min():+.0%} to "
+            f"{errors.max():+.0%}",
             float(np.abs(measured[row] - expected[row]).max()),
             0.0,
             1e-5,
@@ -135,7 +137,8 @@ def twins(splitter: Splitter) -> list[Verdict]:
             float(ratio[np.abs(ratio - 1).argmax()]),
             1.0,
             1e-3,
-            f"a transmission of 1 and -1 is real, so the far field is even; {len(ratio)} dots without a wanted twin, light in boxes of "
+            f"a transmission of 1 and -1 is real, so the far field is even; {len(ratio)} dots without a wanted twin, "
+            "light in boxes of "
             f"{2 * reach + 1} texels",
         )
     ]
@@ -204,7 +207,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             float(np.median(ratios)),
             axis_ratio(splitter.spot),
             0.015,
-            f"that of the far field of the beam, lambda^2 / (4 pi)^2 times the inverse of its covariance; {len(ratios)} dots, and a "
+            "that of the far field of the beam, lambda^2 / (4 pi)^2 times the inverse of its covariance; "
+            f"{len(ratios)} dots, and a "
             "hundredth for other orders under their flanks",
         )
     )
@@ -236,7 +240,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             float(centre / dots.mean()),
             float(share),
             float(share * 0.1),
-            f"by the pattern's power budget; 10 %: a speckle of {looks} looks deviates by {1 / np.sqrt(looks):.0%}, and tails leave the boxes alike",
+            f"by the pattern's power budget; 10 %: a speckle of {looks} looks deviates by {1 / np.sqrt(looks):.0%}, "
+            "and tails leave the boxes alike",
         )
     )
     return Outcome(arrays, verdicts)
@@ -270,8 +275,10 @@ EXPERIMENTS = [
         "doe_defects",
         "16",
         "Defects of the beam splitter",
-        "A binary design for an oval beam, on a wall, the mean of 100 frames with independent speckle as in the thesis. The dots are oval with the beam; "
-        "an etch depth that is off leaves light undiverted in the bright center dot; etch noise scatters light between the dots. The thesis "
+        "A binary design for an oval beam, on a wall, the mean of 100 frames with independent speckle as in the "
+        "thesis. The dots are oval with the beam; "
+        "an etch depth that is off leaves light undiverted in the bright center dot; etch noise scatters light between "
+        "the dots. The thesis "
         "gives no design and no numbers, so that the verdicts are those of closed forms.",
         run,
         draw,

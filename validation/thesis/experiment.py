@@ -49,8 +49,8 @@ class Outcome:
 class Experiment:
     """One or more figures of the thesis.
 
-    name: of its settings in config.json and of its folder. figures: of the thesis. summary: what is shown, and where the thesis
-    and this differ. timed: its numbers are times, and differ from run to run.
+    name: of its settings in config.json and of its folder. figures: of the thesis. summary: what is shown, and where
+    the thesis and this differ. timed: its numbers are times, and differ from run to run.
     """
 
     name: str

@@ -76,7 +76,8 @@ def run(config: Config, progress: Progress) -> Outcome:
                     "Kolmogorov's bound, exceeded by chance once in 1000",
                 )
             )
-    # The thesis calls its eq. 38, x exp(-x), a Rayleigh law. That one is another law, and the samples are as far from it as it is.
+    # The thesis calls its eq. 38, x exp(-x), a Rayleigh law. That one is another law, and the samples are as far from
+    # it as it is.
     rayleigh = stats.rayleigh(scale=np.sqrt(2 / np.pi))
     grid = np.linspace(0, 12, 100001)
     apart = np.abs(rayleigh.cdf(grid) - law(0).cdf(grid)).max()
@@ -87,7 +88,8 @@ def run(config: Config, progress: Progress) -> Outcome:
             distance,
             apart,
             bound,
-            "distance of the Gamma law of shape 2 from the Rayleigh law of the same mean: the thesis's name for eq. 38 is wrong",
+            "distance of the Gamma law of shape 2 from the Rayleigh law of the same mean: the thesis's name for eq. 38 "
+            "is wrong",
         )
     )
     return Outcome(arrays, verdicts)
@@ -116,9 +118,12 @@ EXPERIMENTS = [
         "intensity_law",
         "31",
         "The intensity of a single pixel",
-        "64 000 independent images of 128 x 128 for each case, one pixel of each. Polarized speckle follows the exponential law, unpolarized the "
-        "law of eq. 38, x exp(-x): a Gamma law of shape 2, which the thesis calls Rayleigh. One phasor per pixel, as in the thesis, falls "
-        "short of full contrast, the more the wider the aperture: the offset that the thesis puts down to the small image.",
+        "64 000 independent images of 128 x 128 for each case, one pixel of each. Polarized speckle follows the "
+        "exponential law, unpolarized the "
+        "law of eq. 38, x exp(-x): a Gamma law of shape 2, which the thesis calls Rayleigh. One phasor per pixel, as "
+        "in the thesis, falls "
+        "short of full contrast, the more the wider the aperture: the offset that the thesis puts down to the small "
+        "image.",
         run,
         draw,
     )

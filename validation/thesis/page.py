@@ -18,8 +18,9 @@ COLUMNS = 118
 
 HEAD = """# The thesis, figure by figure
 
-*Real-time statistical simulation of dynamic laser speckle* is what this library goes back to. Its experiments and figures are repeated here with the
-library, each with a verdict: a number that was measured beside the one that theory says, and a tolerance that is stated. The page is written by
+*Real-time statistical simulation of dynamic laser speckle* is what this library goes back to. Its experiments and
+figures are repeated here with the library, each with a verdict: a number that was measured beside the one that theory
+says, and a tolerance that is stated. The page is written by
 
     pip install -r validation/thesis/requirements.txt
     PYTHONPATH=validation python -m thesis run --out OUT
@@ -35,9 +36,12 @@ ASSUMPTIONS = """## Figures elsewhere
 
 ## What the thesis leaves out, and what was assumed
 
-- **Pixel pitch, lens, focal length, resolution.** Not given. A pitch of 2.9 um and f/5.6 at 940 nm (D = 0.55), unless an experiment says otherwise.
-- **The element's design and the layout of its dots.** Company secrets. Dots lie on a lattice here: averages over dots do not depend on where they lie.
-- **The material's lengths.** Read off its Fig. 22 to 24: 0.5 mm, 3 mm, 0.25 degrees. The thesis gives no functional form; the one here ends, as its curves do.
+- **Pixel pitch, lens, focal length, resolution.** Not given. A pitch of 2.9 um and f/5.6 at 940 nm (D = 0.55), unless
+  an experiment says otherwise.
+- **The element's design and the layout of its dots.** Company secrets. Dots lie on a lattice here: averages over dots
+  do not depend on where they lie.
+- **The material's lengths.** Read off its Fig. 22 to 24: 0.5 mm, 3 mm, 0.25 degrees. The thesis gives no functional
+  form; the one here ends, as its curves do.
 - **Full scale.** Codes have 10 bits; the noise of 0.015 is of the top code.
 - **f/0.** Means that no speckle is added.
 """
@@ -89,7 +93,8 @@ def write_page(experiments: Sequence[Experiment], out: Path, page: Path) -> None
             f"![{experiment.title}](images/thesis/{experiment.name}.png)\n\n{table(record)}\n"
         )
     summary = (
-        f"{datetime.date.today().isoformat()}, {device}, Python {platform.python_version()}: {passed} of {count} verdicts passed, "
+        f"{datetime.date.today().isoformat()}, {device}, Python {platform.python_version()}: {passed} of {count} "
+        "verdicts passed, "
         f"{seconds / 60:.1f} minutes. But for run times the numbers are the same each time.\n"
     )
     if missing:

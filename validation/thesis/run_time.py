@@ -105,7 +105,8 @@ EXPERIMENTS = [
         "run_time",
         "30",
         "Run time and memory",
-        "Medians of frames of uniform light through Python, on this machine, beside the thesis's own way in NumPy. Times differ from run to run; verdicts are on ratios.",
+        "Medians of frames of uniform light through Python, on this machine, beside the thesis's own way in NumPy. "
+        "Times differ from run to run; verdicts are on ratios.",
         run,
         draw,
         timed=True,

@@ -96,11 +96,12 @@ class Scene:
 
 
 def truth(scene: Scene, jump: float = 0.01, reach_sigmas: float = 3.0) -> dict[str, np.ndarray]:
-    """Of each dot: the inverse depth at which its beam meets the surface (NaN: nowhere), its pixel, whether it is visible.
+    """Of each dot: the inverse depth at which its beam meets the surface (NaN: nowhere), its pixel, whether it is
+    visible.
 
-    The beam is followed from far to near through the map of inverse depth, and meets it where it passes through one surface
-    (neighbouring depths that differ by less than the part `jump`); of several the nearest to the laser counts. Visible: its own
-    surface alone, lit, lies within `reach_sigmas` widths, and no other visible dot does.
+    The beam is followed from far to near through the map of inverse depth, and meets it where it passes through one
+    surface (neighbouring depths that differ by less than the part `jump`); of several the nearest to the laser counts.
+    Visible: its own surface alone, lit, lies within `reach_sigmas` widths, and no other visible dot does.
     """
     known = scene.depth > 0
     inverse = np.where(known, 1 / np.where(known, scene.depth, 1), np.nan)

@@ -72,7 +72,8 @@ class Chain:
         )
 
     def errors_px(self, result: clspeckle.DepthResult) -> tuple[np.ndarray, np.ndarray]:
-        """Of each dot of the pattern, along its line: how far off it was placed (NaN: not), and what was expected of that."""
+        """Of each dot of the pattern, along its line: how far off it was placed (NaN: not), and what was expected of
+        that."""
         error, deviation = np.full((2, len(self.scene.directions)), np.nan)
         placed = result.placed
         index = placed["dot_index"]
@@ -89,7 +90,8 @@ def shares(error: np.ndarray, visible: np.ndarray) -> tuple[float, float]:
 
 
 def texture_shift(chain: Chain) -> np.ndarray:
-    """Of each dot along its line, in px: what an albedo that changes across it does to the fit of a Gaussian G, to first order.
+    """Of each dot along its line, in px: what an albedo that changes across it does to the fit of a Gaussian G, to
+    first order.
 
     The image is a G; least squares project it on dG/dx: x of the weights a G^2, twice, over the mean of a under G^2.
     """
@@ -139,14 +141,16 @@ def without_noise(chain: Chain, title: str) -> tuple[list[Verdict], np.ndarray, 
             float(np.nanmedian(np.abs(plain_error[visible]))),
             0.0,
             0.01,
-            "even albedo, no shading: a dot lies where its beam meets the depth map; what is left is curvature and slope",
+            "even albedo, no shading: a dot lies where its beam meets the depth map; what is left is curvature and "
+            "slope",
         ),
         Verdict(
             f"{title}: error through texture over the predicted one",
             slope,
             1.0,
             0.1,
-            f"a changing albedo moves a dot's fit, to first order by 2 sum(x a G^2) / sum(a G^2): slope of errors over it, median {np.median(np.abs(error[both])):.3f} px; "
+            "a changing albedo moves a dot's fit, to first order by 2 sum(x a G^2) / sum(a G^2): slope of errors over "
+            f"it, median {np.median(np.abs(error[both])):.3f} px; "
             f"{rest:.0%} of their RMS is left",
         ),
     ]
@@ -170,7 +174,8 @@ def with_noise(chain: Chain, title: str) -> Verdict:
         spread(values),
         1.0,
         0.1,
-        f"even albedo, no speckle: {len(values)} depths, each over its own standard deviation (Cramer-Rao bound); 10 %: quartiles, rounding to codes",
+        f"even albedo, no speckle: {len(values)} depths, each over its own standard deviation (Cramer-Rao bound); 10 "
+        "%: quartiles, rounding to codes",
     )
 
 
@@ -213,14 +218,16 @@ def run(config: Config, progress: Progress) -> Outcome:
                 float((np.abs(error[np.isfinite(error)]) > WRONG_PX).mean()),
                 0.0,
                 0.02,
-                f"edges and dark places included: {int(np.isfinite(error).sum())} dots whose beams meet one surface; at most 2 %",
+                f"edges and dark places included: {int(np.isfinite(error).sum())} dots whose beams meet one surface; "
+                "at most 2 %",
             ),
             Verdict(
                 f"{title}: deviation through speckle over Dorsch's law",
                 spread((error - still)[clear]) / law_px,
                 1.3,
                 0.4,
-                "against the same dot without noise; C lambda F / pi on the sensor, the least that a centroid can reach; fits and pixels add to it: 0.9 "
+                "against the same dot without noise; C lambda F / pi on the sensor, the least that a centroid can "
+                "reach; fits and pixels add to it: 0.9 "
                 "to 1.7 times",
             ),
         ]
@@ -263,8 +270,10 @@ EXPERIMENTS = [
         "scenes",
         "28 and 35 in scenes",
         "From G-buffers of three sources to depth",
-        "The office desk of our own script; a measured depth map (Middlebury 2006, Aloe) with its photograph; a scene of Blender's objects, by "
-        "Cycles. Each with its own dots, through the whole camera, to the depth of every dot. Errors are those of speckle, as on the thesis's wall; "
+        "The office desk of our own script; a measured depth map (Middlebury 2006, Aloe) with its photograph; a scene "
+        "of Blender's objects, by "
+        "Cycles. Each with its own dots, through the whole camera, to the depth of every dot. Errors are those of "
+        "speckle, as on the thesis's wall; "
         "dots at edges and in dark places are among the drawn ones, and not among those of the verdicts.",
         run,
         draw,

@@ -63,7 +63,8 @@ def dark_run(config: Config, progress: Progress) -> Outcome:
                 hot.mean(),
                 seen_fraction,
                 4 * np.sqrt(seen_fraction / pixels),
-                "what was asked for, times the part of an exponential law above half a deviation; 4 binomial deviations",
+                "what was asked for, times the part of an exponential law above half a deviation; 4 binomial "
+                "deviations",
             ),
             Verdict(
                 "mean offset of hot pixels beyond that, DN",
@@ -124,7 +125,8 @@ def still_run(config: Config, progress: Progress) -> Outcome:
     top = 1 - config["black_level_dn"] / (2 ** config["bits"] - 1)
 
     def chosen(series: np.ndarray) -> np.ndarray:
-        """The thesis's pixels (3.2.2): at least a tenth of full scale on average, never overexposed. (frames, pixels)"""
+        """The thesis's pixels (3.2.2): at least a tenth of full scale on average, never overexposed. (frames,
+        pixels)"""
         good = (series.mean(axis=0) > 0.1) & (series.max(axis=0) < 0.999 * top)
         return series[:, good]
 
@@ -139,8 +141,8 @@ def still_run(config: Config, progress: Progress) -> Outcome:
     drifting = chosen(drift)
     steps = np.arange(1, count)
     growth = np.abs(pixels - pixels[0]).mean(axis=1), np.abs(drifting - drifting[0]).mean(axis=1)
-    # Speckle of unit mean that keeps the part r^2 of its intensity's deviations: twice the variance (1 - r^2). All pixels count
-    # here, and codes end at full scale, which 1 / mean_of_full_scale mean intensities reach.
+    # Speckle of unit mean that keeps the part r^2 of its intensity's deviations: twice the variance (1 - r^2). All
+    # pixels count here, and codes end at full scale, which 1 / mean_of_full_scale mean intensities reach.
     tau = config["boiling_correlation_frames"]
     late = slice(count // 2, None)
     square = ((drift - drift[0]) ** 2).mean(axis=(1, 2))[late]
@@ -184,7 +186,8 @@ def still_run(config: Config, progress: Progress) -> Outcome:
                 square.mean(),
                 expected_square,
                 0.06 * expected_square,
-                "2 sigma^2 + 2 mean^2 (1 - exp(-2 t / tau)); 6 %: the variance of the few thousand speckles in the picture",
+                "2 sigma^2 + 2 mean^2 (1 - exp(-2 t / tau)); 6 %: the variance of the few thousand speckles in the "
+                "picture",
             ),
             Verdict(
                 "deviation of the mean of nine frames, of full scale",
@@ -219,7 +222,8 @@ EXPERIMENTS = [
         "dark_frame",
         "19",
         "Dark frames",
-        "No light: black level, Gaussian noise of 0.015 of full scale that is new in each frame, and a few hot pixels that stay.",
+        "No light: black level, Gaussian noise of 0.015 of full scale that is new in each frame, and a few hot pixels "
+        "that stay.",
         dark_run,
         dark_draw,
     ),
@@ -227,8 +231,10 @@ EXPERIMENTS = [
         "stationary",
         "20, 21",
         "A board at rest",
-        "150 frames of speckle that stands still. What varies is noise, and uncorrelated from frame to frame. The thesis saw differences grow slowly "
-        "and blamed dust and air; a surface that changes over thousands of frames does the same, and is off by default.",
+        "150 frames of speckle that stands still. What varies is noise, and uncorrelated from frame to frame. The "
+        "thesis saw differences grow slowly "
+        "and blamed dust and air; a surface that changes over thousands of frames does the same, and is off by "
+        "default.",
         still_run,
         still_draw,
     ),

@@ -31,7 +31,8 @@ def contrast(degree_of_polarization: float, missing: float = 0.0) -> float:
 
 
 def unit_phasor_deficit(shape: tuple[int, int], relative_diameter: float) -> float:
-    """What the squared contrast lacks to 1 where each sample has one phasor: sum |h|^4 / (sum |h|^2)^2 (Goodman 3.6)."""
+    """What the squared contrast lacks to 1 where each sample has one phasor: sum |h|^4 / (sum |h|^2)^2 (Goodman
+    3.6)."""
     spread = point_spread(shape, relative_diameter)
     return float(np.sum(spread**2))
 

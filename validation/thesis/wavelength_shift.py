@@ -68,13 +68,11 @@ def run(config: Config, progress: Progress) -> Outcome:
 def draw(figure: Figure, outcome: Outcome, config: Config) -> None:
     figure.set_size_inches(10, 4)
     picture, curve = figure.subplots(1, 2)
-    for key, colour, wavelength in (
+    for key, color, wavelength in (
         ("first", "tab:red", "design_wavelength_m"),
         ("second", "tab:blue", "wavelength_m"),
     ):
-        picture.plot(
-            *outcome.arrays[key].T, ".", markersize=3, color=colour, label=f"{config[wavelength] * 1e9:.0f} nm"
-        )
+        picture.plot(*outcome.arrays[key].T, ".", markersize=3, color=color, label=f"{config[wavelength] * 1e9:.0f} nm")
     picture.set(title="dots (Fig. 5)", aspect="equal", xlabel="px", ylabel="px")
     picture.invert_yaxis()
     picture.legend(loc="upper right")

@@ -1,23 +1,27 @@
 /**
  * @file doe_design.h
- * @brief Design of diffractive beam splitters: from wanted orders (or directions) and powers to the phase of a periodic unit cell.
+ * @brief Design of diffractive beam splitters: from wanted orders (or directions) and powers to the phase of a periodic
+ *        unit cell.
  *
- * The element is a cell of width x height square pixels that repeats over the beam. Its transmission is exp(i phase); the far field has
- * orders (m, n), m to the right and n down, at the direction cosines u = m wavelength / (pixel_pitch width), v = n wavelength /
- * (pixel_pitch height) (contract of pattern.h: x to the right, y down, in the laser's frame). With the cell's forward discrete Fourier
- * transform T(m, n) = sum t(x, y) exp(-2 pi i (m x / width + n y / height)) / (width height), the power of an order is
+ * The element is a cell of width x height square pixels that repeats over the beam. Its transmission is exp(i phase);
+ * the far field has orders (m, n), m to the right and n down, at the direction cosines u = m wavelength / (pixel_pitch
+ * width), v = n wavelength / (pixel_pitch height) (contract of pattern.h: x to the right, y down, in the laser's
+ * frame). With the cell's forward discrete Fourier transform T(m, n) = sum t(x, y) exp(-2 pi i (m x / width + n y /
+ * height)) / (width height), the power of an order is
  *
  *   P(m, n) = |T(m, n)|^2 sinc^2(m / width) sinc^2(n / height),   sinc(x) = sin(pi x) / (pi x),
  *
- * the sinc being the envelope of a square pixel. All powers together, with the orders beyond |m| = width / 2 (which repeat the T of the
- * others), are 1: scalar diffraction of a thin element without losses (Goodman, Introduction to Fourier Optics).
+ * the sinc being the envelope of a square pixel. All powers together, with the orders beyond |m| = width / 2 (which
+ * repeat the T of the others), are 1: scalar diffraction of a thin element without losses (Goodman, Introduction to
+ * Fourier Optics).
  *
- * Method: iterative Fourier transform with weights (Gerchberg and Saxton 1972 with the rules CLSP_DOE_RULE_*), soft quantization to the
- * levels (Wyrowski, J. Opt. Soc. Am. A 7, 961 (1990)), then direct binary search (Seldowitz, Allebach and Sweeney, Appl. Opt. 26, 2788
- * (1987)). docs/method/doe-design.md explains it and has figures.
+ * Method: iterative Fourier transform with weights (Gerchberg and Saxton 1972 with the rules CLSP_DOE_RULE_*), soft
+ * quantization to the levels (Wyrowski, J. Opt. Soc. Am. A 7, 961 (1990)), then direct binary search (Seldowitz,
+ * Allebach and Sweeney, Appl. Opt. 26, 2788 (1987)). docs/method/doe-design.md explains it and has figures.
  *
- * Thread rule: clspDoeDesignCreate() and clspDoeDesignEvaluate() block; any number of threads may design at the same time. The progress
- * function is called on the thread that called. A design is complete and never changes: any number of threads may read it at once.
+ * Thread rule: clspDoeDesignCreate() and clspDoeDesignEvaluate() block; any number of threads may design at the same
+ * time. The progress function is called on the thread that called. A design is complete and never changes: any number
+ * of threads may read it at once.
  */
 #ifndef CLSPECKLE_DOE_DESIGN_H
 #define CLSPECKLE_DOE_DESIGN_H
@@ -34,9 +38,11 @@ extern "C" {
 #define CLSP_DOE_RULE_GS 0u  /**< Gerchberg-Saxton: not at all. */
 /** Weighted (Di Leonardo, Ianni and Ruocco, Opt. Express 15, 1913 (2007)): times (amplitude / mean)^-feedback. */
 #define CLSP_DOE_RULE_GSW 1u
-/** Adaptive (Nogrette et al., Phys. Rev. X 4, 021034 (2014)): wanted powers times 1 / (1 - feedback (1 - power / mean)). */
+/** Adaptive (Nogrette et al., Phys. Rev. X 4, 021034 (2014)): wanted powers times 1 / (1 - feedback (1 - power /
+ *  mean)). */
 #define CLSP_DOE_RULE_NOGRETTE 2u
-/** As GSW; the orders keep their phases from fix_phase_iteration on until the quantization (Kim et al., Opt. Lett. 44, 3178 (2019)). */
+/** As GSW; the orders keep their phases from fix_phase_iteration on until the quantization (Kim et al., Opt. Lett. 44,
+ *  3178 (2019)). */
 #define CLSP_DOE_RULE_KIM 3u
 /** @} */
 
@@ -56,45 +62,55 @@ typedef struct ClspDoeDesignDesc {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t width;       /**< Pixels of the cell, 1 to CLSP_MAX_DOE_SIDE, prime factors up to 13; default 512. */
     uint32_t height;      /**< As width; default 512. */
-    uint32_t levels;      /**< Phase levels, multiples of 2 pi / levels: 2 to CLSP_MAX_DOE_LEVELS; 0: continuous. Default 8. */
+    uint32_t levels;      /**< Phase levels, multiples of 2 pi / levels: 2 to CLSP_MAX_DOE_LEVELS; 0: continuous.
+                               Default 8. */
     double pixel_pitch_m; /**< Side of a pixel in metres; default 0.4e-6. */
     double wavelength_m;  /**< Of the light, in metres; default 940e-9. */
-    double beam_diameter_m; /**< Of the beam on the element, in metres: orders closer than 1.22 wavelength / diameter are refused, and so
-                                 is a cell larger than the beam. 0 (default): not known, not checked. */
+    double beam_diameter_m; /**< Of the beam on the element, in metres: orders closer than 1.22 wavelength / diameter
+                                 are refused, and so is a cell larger than the beam. 0 (default): not known, not
+                                 checked. */
     const ClspDoeDesignOrder *orders; /**< What is wanted; no default. Copied. */
     uint64_t order_count;   /**< 1 to CLSP_MAX_DOE_ORDERS. */
-    uint64_t seed;          /**< Of the orders' first phases; default 0. The same seed gives the same design on the same device. */
-    double feedback;        /**< Of the rule: GSW and KIM up to 2, NOGRETTE up to 0.99. 0 (default): 1 and 0.7. Lowered by itself where the
-                                 powers swing (few orders). */
+    uint64_t seed;          /**< Of the orders' first phases; default 0. The same seed gives the same design on the same
+                                 device. */
+    double feedback;        /**< Of the rule: GSW and KIM up to 2, NOGRETTE up to 0.99. 0 (default): 1 and 0.7. Lowered
+                                 by itself where the powers swing (few orders). */
     uint32_t rule;          /**< CLSP_DOE_RULE_*; default GSW. */
-    uint32_t iterations;    /**< Before the quantization, 1 to 100000; default 100. With 2 levels they lead from grey to binary. */
-    uint32_t quantization_iterations; /**< In which the levels are taken, 1 to 100000; default 60. Unused with continuous phase. */
+    uint32_t iterations;    /**< Before the quantization, 1 to 100000; default 100. With 2 levels they lead from grey to
+                                 binary. */
+    uint32_t quantization_iterations; /**< In which the levels are taken, 1 to 100000; default 60. Unused with
+                                           continuous phase. */
     uint32_t fix_phase_iteration; /**< Of KIM, at least 1; default 12. */
-    uint32_t search_sweeps; /**< Sweeps of direct binary search at most, ended earlier when nothing gets better; default 0. Needs levels. */
-    uint32_t compensate_envelope; /**< 1 (default): the powers behind the pixels' envelope are made as wanted; 0: those before it. */
-    uint32_t mirror_orders; /**< With 2 levels, whose transmission is real, P(-m, -n) = P(m, n). 1: missing mirror images are added to the
-                                 list with the same weight; 0 (default): such a list is refused. */
+    uint32_t search_sweeps; /**< Sweeps of direct binary search at most, ended earlier when nothing gets better; default
+                                 0. Needs levels. */
+    uint32_t compensate_envelope; /**< 1 (default): the powers behind the pixels' envelope are made as wanted; 0: those
+                                       before it. */
+    uint32_t mirror_orders; /**< With 2 levels, whose transmission is real, P(-m, -n) = P(m, n). 1: missing mirror
+                                 images are added to the list with the same weight; 0 (default): such a list is
+                                 refused. */
     uint32_t reserved;      /**< 0. */
     ClspProgressFunction progress; /**< Told how far the design is; NULL (default): nobody is told. */
     void *progress_data;    /**< Handed to `progress`; default NULL. */
 } ClspDoeDesignDesc;
 
-/** What a design does with the light. Powers are parts of the incoming light: efficiency + (zero_order unless it is wanted) +
- *  other_orders + beyond = 1. */
+/** What a design does with the light. Powers are parts of the incoming light: efficiency + (zero_order unless it is
+ *  wanted) + other_orders + beyond = 1. */
 typedef struct ClspDoeDesignReport {
     uint32_t struct_size;   /**< Size of the struct as the caller knows it. */
     uint32_t zero_order_wanted; /**< 1: order (0, 0) is in the list. */
     uint64_t order_count;   /**< Of the list, with added mirror images. */
     uint64_t step_count;    /**< Of clspDoeDesignGetHistory(). */
     double efficiency;      /**< Power of all wanted orders. */
-    double grid_efficiency; /**< The same without the pixels' envelope: sum of |T|^2, as spatial light modulator papers count it. */
+    double grid_efficiency; /**< The same without the pixels' envelope: sum of |T|^2, as spatial light modulator papers
+                                 count it. */
     double uniformity_rms;  /**< Standard deviation of power / weight over the orders, divided by its mean. */
     double uniformity_peak_to_peak; /**< (strongest - weakest) / (strongest + weakest) of power / weight. */
     double weakest;         /**< Least power / weight over the mean. */
     double strongest;       /**< Greatest power / weight over the mean. */
     double zero_order;      /**< Power of order (0, 0). */
     double zero_order_relative; /**< Over the mean power of a wanted order. */
-    double largest_ghost;   /**< Greatest power of an order that is neither wanted nor (0, 0), in the base band |m| <= width / 2. */
+    double largest_ghost;   /**< Greatest power of an order that is neither wanted nor (0, 0), in the base band |m| <=
+                                 width / 2. */
     double largest_ghost_relative; /**< Over the mean power of a wanted order. */
     int32_t ghost_m;        /**< Which order that is. */
     int32_t ghost_n;        /**< Which order that is. */
@@ -111,9 +127,10 @@ CLSP_API ClspStatus clspDoeDesignDescInit(ClspDoeDesignDesc *desc, uint32_t stru
 
 /**
  * Designs; *design gets one reference. Blocks: two Fourier transforms of the cell for each iteration.
- * @return CLSP_ERROR_INVALID_ARGUMENT for descriptions that contradict themselves: an empty list, orders given twice (dots closer than
- *         the diffraction limit), outside of the cell's band or beyond 90 degrees, one level, a list without mirror images for 2 levels;
- *         CLSP_ERROR_CANCELLED when the progress function returned 0; CLSP_ERROR_OUT_OF_MEMORY where the device cannot hold the cell.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for descriptions that contradict themselves: an empty list, orders given twice
+ *         (dots closer than the diffraction limit), outside of the cell's band or beyond 90 degrees, one level, a list
+ *         without mirror images for 2 levels; CLSP_ERROR_CANCELLED when the progress function returned 0;
+ *         CLSP_ERROR_OUT_OF_MEMORY where the device cannot hold the cell.
  */
 CLSP_API ClspStatus clspDoeDesignCreate(ClspContext context, const ClspDoeDesignDesc *desc, ClspDoeDesign *design);
 /**
@@ -139,14 +156,17 @@ CLSP_API ClspStatus clspDoeDesignGetPhase(ClspDoeDesign design, uint64_t count, 
  * @param orders `count` orders; NULL: not wanted.
  * @param powers `count` powers P(m, n); NULL: not wanted.
  */
-CLSP_API ClspStatus clspDoeDesignGetOrders(ClspDoeDesign design, uint64_t count, ClspDoeDesignOrder *orders, double *powers);
+CLSP_API ClspStatus clspDoeDesignGetOrders(ClspDoeDesign design, uint64_t count, ClspDoeDesignOrder *orders,
+                                           double *powers);
 /**
  * The convergence: efficiency and uniformity_rms after each iteration; the last step is the finished design.
  * @param count step_count of the report, or the call is refused.
  * @param efficiency `count` numbers; NULL: not wanted.
- * @param uniformity_rms `count` numbers; NULL: not wanted. With compensate_envelope 0, before the envelope (but for the last).
+ * @param uniformity_rms `count` numbers; NULL: not wanted. With compensate_envelope 0, before the envelope (but for the
+ *                       last).
  */
-CLSP_API ClspStatus clspDoeDesignGetHistory(ClspDoeDesign design, uint64_t count, double *efficiency, double *uniformity_rms);
+CLSP_API ClspStatus clspDoeDesignGetHistory(ClspDoeDesign design, uint64_t count, double *efficiency,
+                                            double *uniformity_rms);
 
 /**
  * The orders of a cell that are nearest to directions. Needs no context.
@@ -155,11 +175,12 @@ CLSP_API ClspStatus clspDoeDesignGetHistory(ClspDoeDesign design, uint64_t count
  * @param directions `count` pairs of direction cosines (u, v), u^2 + v^2 below 1.
  * @param orders     gets `count` orders of weight 1.
  * @param errors     gets `count` distances between a direction and its order, in direction cosines; NULL: not wanted.
- * @return CLSP_ERROR_INVALID_ARGUMENT for a direction beyond 90 degrees or out of the pixels' reach, and where two directions share an
- *         order: the message says which.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for a direction beyond 90 degrees or out of the pixels' reach, and where two
+ *         directions share an order: the message says which.
  */
-CLSP_API ClspStatus clspDoeDesignSnapDirections(uint32_t width, uint32_t height, double pixel_pitch_m, double wavelength_m, uint64_t count,
-                                                const double *directions, ClspDoeDesignOrder *orders, double *errors);
+CLSP_API ClspStatus clspDoeDesignSnapDirections(uint32_t width, uint32_t height, double pixel_pitch_m,
+                                                double wavelength_m, uint64_t count, const double *directions,
+                                                ClspDoeDesignOrder *orders, double *errors);
 
 #ifdef __cplusplus
 }

@@ -1,13 +1,15 @@
 /**
  * @file effects.h
- * @brief The catalogue of effects that make a camera's picture differ from the ideal one, each to be switched on in a pipeline.
+ * @brief The catalogue of effects that make a camera's picture differ from the ideal one, each to be switched on in a
+ *        pipeline.
  *
- * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/reference/effects.md lists them with their equations, and the few
- * parameters that it does not vary or name). An effect that is off costs nothing: kernels are built without it. What an effect sets can also
- * be set in the descriptions of the stages (the direction of ghost dots as their offset); a pipeline
- * with effects changes its stages' parameters, and clearing the effect puts them back. Meanwhile, of the stages' own settings only a sensor's
- * exposure and a pattern's pose may be changed: others would be put back as they were when the first effect was set. ambient_light is a level in
- * DN at the exposure of the moment in which effects are set or cleared. Pipelines that share a stage must not both have effects on it.
+ * Ids, parameters and meaning are those of the sim-to-real gap protocol (docs/reference/effects.md lists them with
+ * their equations, and the few parameters that it does not vary or name). An effect that is off costs nothing: kernels
+ * are built without it. What an effect sets can also be set in the descriptions of the stages (the direction of ghost
+ * dots as their offset); a pipeline with effects changes its stages' parameters, and clearing the effect puts them
+ * back. Meanwhile, of the stages' own settings only a sensor's exposure and a pattern's pose may be changed: others
+ * would be put back as they were when the first effect was set. ambient_light is a level in DN at the exposure of the
+ * moment in which effects are set or cleared. Pipelines that share a stage must not both have effects on it.
  */
 #ifndef CLSPECKLE_EFFECTS_H
 #define CLSPECKLE_EFFECTS_H
@@ -47,7 +49,8 @@ CLSP_API ClspStatus clspEffectGetCount(uint32_t *count);
 CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info);
 
 /**
- * In which scenes an effect changes frames (*acts), and in which a diagnosis can tell it (*shows): bits 1 << CLSP_SCENE_*. Either may be NULL.
+ * In which scenes an effect changes frames (*acts), and in which a diagnosis can tell it (*shows): bits 1 <<
+ * CLSP_SCENE_*. Either may be NULL.
  */
 CLSP_API ClspStatus clspEffectGetScenes(const char *id, uint32_t *acts, uint32_t *shows);
 
@@ -67,18 +70,22 @@ typedef struct ClspCameraTraits {
 /** The defaults of each member. */
 CLSP_API ClspStatus clspCameraTraitsInit(ClspCameraTraits *traits, uint32_t struct_size);
 /**
- * Makes of a camera's traits what they are with an effect. `values` and `count` are those of clspPipelineSetEffect(). Needs no device; if it
- * fails, *traits is as it was.
+ * Makes of a camera's traits what they are with an effect. `values` and `count` are those of clspPipelineSetEffect().
+ * Needs no device; if it fails, *traits is as it was.
  */
-CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values, uint32_t count, ClspCameraTraits *traits);
+CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values, uint32_t count,
+                                           ClspCameraTraits *traits);
 
 /**
- * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds programs and
- * waits for the device. Only stages that the effect sets are made anew: a sensor draws its fixed patterns again and forgets the frame before
- * (image_lag), and depolarization of a phase with one polarization draws all phases in the next frame. After an error everything is as it was.
+ * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds
+ * programs and waits for the device. Only stages that the effect sets are made anew: a sensor draws its fixed patterns
+ * again and forgets the frame before (image_lag), and depolarization of a phase with one polarization draws all phases
+ * in the next frame. After an error everything is as it was.
  * @param id     one of the catalogue's.
- * @param values its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle between weak and strong.
- * Fails if the pipeline has not the stage that the effect belongs to (dots for laser and DOE effects, a sensor); a lens is made if needed.
+ * @param values its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle
+ *               between weak and strong.
+ * Fails if the pipeline has not the stage that the effect belongs to (dots for laser and DOE effects, a sensor); a lens
+ * is made if needed.
  */
 CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id, const double *values, uint32_t count);
 /** Switches an effect off; NULL: all of them. One that is off stays off. */

@@ -2,14 +2,16 @@
  * @file profile.h
  * @brief Camera profiles: a camera as a diagnosis found it, to be rendered again.
  *
- * clspDiagnosisGetProfile() (diagnosis.h) makes one of a diagnosis, clspProfileWrite() writes it as a JSON file, clspProfileOpen() reads
- * such a file (docs/reference/profile.md lists its keys). A profile holds the simulator's settings, every effect of the diagnosis's last model with
- * its parameters, maps of the camera's own pixels where the capture tells them, and apart from them the lab's conditions, which are no part
- * of the camera: the light of each sequence. Maps are files beside the profile's, and are read when they are used. A pipeline becomes
- * that camera in two steps: clspProfileDescribe() before its stages are made, clspPipelineSetProfile() afterwards. Nothing but the last one
- * needs an OpenCL device.
+ * clspDiagnosisGetProfile() (diagnosis.h) makes one of a diagnosis, clspProfileWrite() writes it as a JSON file,
+ * clspProfileOpen() reads such a file (docs/reference/profile.md lists its keys). A profile holds the simulator's
+ * settings, every effect of the diagnosis's last model with its parameters, maps of the camera's own pixels where the
+ * capture tells them, and apart from them the lab's conditions, which are no part of the camera: the light of each
+ * sequence. Maps are files beside the profile's, and are read when they are used. A pipeline becomes that camera in two
+ * steps: clspProfileDescribe() before its stages are made, clspPipelineSetProfile() afterwards. Nothing but the last
+ * one needs an OpenCL device.
  *
- * Thread rule: a profile never changes: any number of threads may use it at once. clspPipelineSetProfile() counts as a call on the pipeline.
+ * Thread rule: a profile never changes: any number of threads may use it at once. clspPipelineSetProfile() counts as a
+ * call on the pipeline.
  */
 #ifndef CLSPECKLE_PROFILE_H
 #define CLSPECKLE_PROFILE_H
@@ -71,7 +73,8 @@ typedef struct ClspProfileEffect {
     uint32_t conditional;     /**< 1: it rests on a scene in which something unknown remains. */
     char id[32];              /**< Of the catalogue. */
     double values[CLSP_MAX_EFFECT_PARAMETERS]; /**< In the order of the catalogue. */
-    double low[CLSP_MAX_EFFECT_PARAMETERS];    /**< 95 % intervals, lower ends; NaN of parameters that were not fitted. */
+    double low[CLSP_MAX_EFFECT_PARAMETERS];    /**< 95 % intervals, lower ends; NaN of parameters that were not
+                                                    fitted. */
     double high[CLSP_MAX_EFFECT_PARAMETERS];   /**< Upper ends; NaN likewise. */
 } ClspProfileEffect;
 
@@ -85,7 +88,8 @@ typedef struct ClspProfileSequence {
     double exposure_ms;   /**< 0: not known. */
     double mean_dn;       /**< Of the camera's frames. */
     double light_dn;      /**< Above black, of the simulator's; 0 in the dark. */
-    double gain_dn;       /**< DN per unit of an ideal image that is 1 on flat and board and at a dot's peak; 0 in the dark. */
+    double gain_dn;       /**< DN per unit of an ideal image that is 1 on flat and board and at a dot's peak; 0 in the
+                               dark. */
     char name[CLSP_MAX_CAPTURE_NAME]; /**< Its name. */
 } ClspProfileSequence;
 
@@ -95,14 +99,16 @@ typedef struct ClspProfileMap {
     uint32_t map;          /**< CLSP_PROFILE_MAP_DARK or CLSP_PROFILE_MAP_GAIN. */
     uint32_t frame_count;  /**< How many frames it is of. */
     uint32_t reserved;     /**< 0. */
-    double standard_error; /**< Noise over time that was left in the mean of so many frames, of a pixel: DN, or relative. */
+    double standard_error; /**< Noise over time that was left in the mean of so many frames, of a pixel: DN, or
+                                relative. */
     char path[4096];       /**< Of its file; empty of a profile that was not read from one. */
 } ClspProfileMap;
 
 /**
- * Reads a profile; *profile gets one reference. Everything is checked: keys, effects and the ranges of their parameters.
- * @return CLSP_ERROR_IO for a file that cannot be read, CLSP_ERROR_INVALID_ARGUMENT for one that is no profile, or one of a later format;
- *         the message names file, key, value and what was expected.
+ * Reads a profile; *profile gets one reference. Everything is checked: keys, effects and the ranges of their
+ * parameters.
+ * @return CLSP_ERROR_IO for a file that cannot be read, CLSP_ERROR_INVALID_ARGUMENT for one that is no profile, or one
+ *         of a later format; the message names file, key, value and what was expected.
  */
 CLSP_API ClspStatus clspProfileOpen(const char *path, ClspProfile *profile);
 /** Adds a reference. */
@@ -122,39 +128,43 @@ CLSP_API ClspStatus clspProfileGetSequence(ClspProfile profile, uint32_t index, 
  * @param length   size of the whole text with its final 0; may be NULL.
  */
 CLSP_API ClspStatus clspProfileGetJson(ClspProfile profile, uint64_t capacity, char *text, uint64_t *length);
-/** Writes it to a file, and its maps to files beside it: NAME.json, NAME.dark.npy, NAME.gain.npy. They appear, or replace older ones, only
- *  when all are complete. @return CLSP_ERROR_IO if one cannot be written; errors of clspProfileGetMap(). */
+/** Writes it to a file, and its maps to files beside it: NAME.json, NAME.dark.npy, NAME.gain.npy. They appear, or
+ *  replace older ones, only when all are complete. @return CLSP_ERROR_IO if one cannot be written; errors of
+ *  clspProfileGetMap(). */
 CLSP_API ClspStatus clspProfileWrite(ClspProfile profile, const char *path);
 /**
  * A map that the profile has, with its values.
  * @param map    CLSP_PROFILE_MAP_DARK or CLSP_PROFILE_MAP_GAIN.
  * @param info   with its struct_size set; may be NULL.
  * @param values height x width floats, tightly packed; may be NULL, and no file is read then.
- * @return CLSP_ERROR_INVALID_ARGUMENT for a map that it has not, CLSP_ERROR_IO for a file that cannot be read, CLSP_ERROR_INVALID_DATA for
- *         one that is not as it was written; the message says what to do.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for a map that it has not, CLSP_ERROR_IO for a file that cannot be read,
+ *         CLSP_ERROR_INVALID_DATA for one that is not as it was written; the message says what to do.
  */
 CLSP_API ClspStatus clspProfileGetMap(ClspProfile profile, uint32_t map, ClspProfileMap *info, float *values);
 
 /**
- * Writes the camera's settings into descriptions of stages, which keep all else: size, bits, sampling, f-number, pixel pitch, wavelength,
- * polarization (normalized to the mean, by which gains are meant), optical axis, black level, read noise. Effects are none of them.
- * @param sequence name of one of the profile's, whose gain, exposure time and f-number are written, too; NULL: the gain stays.
+ * Writes the camera's settings into descriptions of stages, which keep all else: size, bits, sampling, f-number, pixel
+ * pitch, wavelength, polarization (normalized to the mean, by which gains are meant), optical axis, black level, read
+ * noise. Effects are none of them.
+ * @param sequence name of one of the profile's, whose gain, exposure time and f-number are written, too; NULL: the gain
+ *                 stays.
  * @param phase, aperture, lens, sensor made by their Init functions; NULL: not wanted.
  * @return CLSP_ERROR_INVALID_ARGUMENT for a sequence that is not there; nothing is written then.
  */
-CLSP_API ClspStatus clspProfileDescribe(ClspProfile profile, const char *sequence, ClspPhaseDesc *phase, ClspApertureDesc *aperture,
-                                        ClspLensDesc *lens, ClspSensorDesc *sensor);
+CLSP_API ClspStatus clspProfileDescribe(ClspProfile profile, const char *sequence, ClspPhaseDesc *phase,
+                                        ClspApertureDesc *aperture, ClspLensDesc *lens, ClspSensorDesc *sensor);
 /**
- * Switches the profile's effects on, beside those that are on already, as clspPipelineSetEffect() does each: not for the per-frame path, and
- * at the sensor's exposure of the moment. Effects on dots are left out of a pipeline that draws none, as its frames bring their own pattern.
- * The profile's maps become the sensor's, in the place of the effects that they hold; they stay when effects are cleared.
- * After an error everything is as it was.
- * @return CLSP_ERROR_INVALID_ARGUMENT for a pipeline of another camera: size, bits, pixel pitch or wavelength differ, there is no sensor, or
- *         it has a dark frame or gain map of its own; errors of clspProfileGetMap().
+ * Switches the profile's effects on, beside those that are on already, as clspPipelineSetEffect() does each: not for
+ * the per-frame path, and at the sensor's exposure of the moment. Effects on dots are left out of a pipeline that draws
+ * none, as its frames bring their own pattern. The profile's maps become the sensor's, in the place of the effects that
+ * they hold; they stay when effects are cleared. After an error everything is as it was.
+ * @return CLSP_ERROR_INVALID_ARGUMENT for a pipeline of another camera: size, bits, pixel pitch or wavelength differ,
+ *         there is no sensor, or it has a dark frame or gain map of its own; errors of clspProfileGetMap().
  */
 CLSP_API ClspStatus clspPipelineSetProfile(ClspPipeline pipeline, ClspProfile profile);
-/** The same with some of the profile's maps. @param maps CLSP_PROFILE_MAP_*, added up; those that the profile has not are left out. 0: none;
- *  all fixed patterns are drawn anew from their deviations. Maps that an earlier profile brought go. */
+/** The same with some of the profile's maps. @param maps CLSP_PROFILE_MAP_*, added up; those that the profile has not
+ *  are left out. 0: none; all fixed patterns are drawn anew from their deviations. Maps that an earlier profile brought
+ *  go. */
 CLSP_API ClspStatus clspPipelineSetProfileMaps(ClspPipeline pipeline, ClspProfile profile, uint32_t maps);
 
 #ifdef __cplusplus

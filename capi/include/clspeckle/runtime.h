@@ -57,7 +57,8 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
 /** @name Context */
 /** @{ */
 
-#define CLSP_DISK_CACHE_AUTO 0u /**< As CLSPECKLE_DISK_CACHE says (auto, off, on); else on, except on PoCL, which has a cache of its own. */
+#define CLSP_DISK_CACHE_AUTO 0u /**< As CLSPECKLE_DISK_CACHE says (auto, off, on); else on, except on PoCL, which has a
+                                     cache of its own. */
 #define CLSP_DISK_CACHE_OFF 1u  /**< Programs are compiled in every process. */
 #define CLSP_DISK_CACHE_ON 2u   /**< On every platform. */
 
@@ -65,23 +66,26 @@ CLSP_API ClspStatus clspDeviceExplain(const char *selector, uint64_t capacity, c
 typedef struct ClspContextDesc {
     uint32_t struct_size; /**< Size of the struct as the caller knows it. */
     uint32_t disk_cache;          /**< CLSP_DISK_CACHE_*; default AUTO. */
-    /** The host's context, retained; NULL (default): clSpeckle makes its own. clFFT keeps what it has compiled for a cl_context (some
-     *  megabytes) until the process ends: use one cl_context, not a new one for every clSpeckle context. */
+    /** The host's context, retained; NULL (default): clSpeckle makes its own. clFFT keeps what it has compiled for a
+     *  cl_context (some megabytes) until the process ends: use one cl_context, not a new one for every clSpeckle
+     *  context. */
     cl_context cl_context_handle;
     cl_device_id cl_device;       /**< The host's device; required with cl_context_handle, else NULL. */
     /** Which device a context of our own uses: "platform:device" as in ClspDeviceInfo::selector, "gpu", "cpu",
-     *  "accelerator", or a part of the device's or platform's name in any case. NULL (default): the environment variable
-     *  CLSPECKLE_DEVICE if set, else the best device. */
+     *  "accelerator", or a part of the device's or platform's name in any case. NULL (default): the environment
+     *  variable CLSPECKLE_DEVICE if set, else the best device. */
     const char *device;
     /** Folder with files that replace the built-in kernels of the same path ("stages/phase.cl", "common/philox.h"), for
      *  editing a kernel without a rebuild.
      *  NULL (default): the environment variable CLSPECKLE_KERNEL_DIR if set, else the built-in ones. */
     const char *kernel_dir;
-    /** Folder of the program cache and the tuning record (tuning.h). NULL (default): CLSPECKLE_CACHE_DIR, else $XDG_CACHE_HOME/clspeckle, else
-     *  ~/.cache/clspeckle. Made when first written; a folder that cannot be written turns the cache off silently. */
+    /** Folder of the program cache and the tuning record (tuning.h). NULL (default): CLSPECKLE_CACHE_DIR, else
+     *  $XDG_CACHE_HOME/clspeckle, else ~/.cache/clspeckle. Made when first written; a folder that cannot be written
+     *  turns the cache off silently. */
     const char *cache_dir;
-    /** Told of warnings and choices while anything that belongs to the context lives. NULL (default): the environment variable
-     *  CLSPECKLE_LOG says what is printed on standard error: "warning", "info" (choices, too) or "off" (default). */
+    /** Told of warnings and choices while anything that belongs to the context lives. NULL (default): the environment
+     *  variable CLSPECKLE_LOG says what is printed on standard error: "warning", "info" (choices, too) or "off"
+     *  (default). */
     ClspLogFunction log;
     void *log_data; /**< Handed to `log`; default NULL. */
 } ClspContextDesc;
@@ -91,9 +95,9 @@ CLSP_API ClspStatus clspContextDescInit(ClspContextDesc *desc, uint32_t struct_s
 
 /**
  * Makes a context: one device, its compiled programs and its FFT plans. May be used from any number of threads at once.
- * Contexts that clSpeckle makes on the same device share one cl_context, which lives as long as the process (clFFT keeps hold of
- * every cl_context that it has compiled for); their queues and buffers may therefore be mixed.
- * OpenCL does not survive fork(): in a child whose parent had used it every call on a device object is refused with
+ * Contexts that clSpeckle makes on the same device share one cl_context, which lives as long as the process (clFFT
+ * keeps hold of every cl_context that it has compiled for); their queues and buffers may therefore be mixed. OpenCL
+ * does not survive fork(): in a child whose parent had used it every call on a device object is refused with
  * CLSP_ERROR_INVALID_STATE, and releasing what it inherited does nothing.
  * @param desc NULL for all defaults.
  */
@@ -130,7 +134,8 @@ CLSP_API ClspStatus clspContextGetInfo(ClspContext context, ClspContextInfo *inf
 CLSP_API ClspStatus clspQueueCreate(ClspContext context, uint32_t flags, cl_command_queue *queue);
 /** Waits until everything in the queue is done. */
 CLSP_API ClspStatus clspQueueFinish(cl_command_queue queue);
-/** Drops a reference. Releasing NULL is allowed. The last one of an out-of-order queue waits until everything in it is done. */
+/** Drops a reference. Releasing NULL is allowed. The last one of an out-of-order queue waits until everything in it is
+ *  done. */
 CLSP_API ClspStatus clspQueueRelease(cl_command_queue queue);
 
 /** Allocates `size_bytes` > 0 of uninitialised device memory. */
@@ -143,9 +148,9 @@ CLSP_API ClspStatus clspBufferEnqueueWrite(cl_command_queue queue, const void *d
                                            uint64_t offset_bytes, uint32_t num_events_in_wait_list,
                                            const cl_event *event_wait_list, cl_event *event);
 /** Copies a buffer to host memory. `data` must stay valid until the event is complete. */
-CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes, uint64_t size_bytes,
-                                          void *data, uint32_t num_events_in_wait_list, const cl_event *event_wait_list,
-                                          cl_event *event);
+CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes,
+                                          uint64_t size_bytes, void *data, uint32_t num_events_in_wait_list,
+                                          const cl_event *event_wait_list, cl_event *event);
 /** Blocking clspBufferEnqueueWrite(). */
 CLSP_API ClspStatus clspBufferWrite(cl_command_queue queue, const void *data, uint64_t size_bytes, cl_mem mem,
                                     uint64_t offset_bytes);

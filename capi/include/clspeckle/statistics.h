@@ -19,7 +19,8 @@ typedef struct ClspMoments {
     double mean;                  /**< Sum over count. */
     double standard_deviation;    /**< Divided by count - 1; 0 for one pixel. */
     double contrast;              /**< standard_deviation / mean; NaN where the mean is 0. */
-    double skewness;              /**< g1: third central moment over the 3/2 power of the second; NaN for a constant image. */
+    double skewness;              /**< g1: third central moment over the 3/2 power of the second; NaN for a constant
+                                       image. */
     double excess_kurtosis;       /**< g2: fourth central moment over the square of the second, less 3; NaN likewise. */
     double minimum;               /**< Smallest value. */
     double maximum;               /**< Largest value. */
@@ -41,8 +42,9 @@ CLSP_API ClspStatus clspStatisticsHistogram(ClspContext context, cl_command_queu
                                             uint64_t *counts);
 
 /**
- * Normalized (1 at lag 0) autocovariance of the image less its mean, not periodic (zero-padded, each lag divided by its number of
- * pairs). NaN throughout for a constant image. NaN and infinite pixels are an error (CLSP_ERROR_INVALID_DATA).
+ * Normalized (1 at lag 0) autocovariance of the image less its mean, not periodic (zero-padded, each lag divided by its
+ * number of pairs). NaN throughout for a constant image. NaN and infinite pixels are an error
+ * (CLSP_ERROR_INVALID_DATA).
  * @param max_lag  largest lag in pixels along each axis, below the smaller side of the image.
  * @param autocovariance host memory, (2 max_lag + 1) x (2 max_lag + 1) floats, lag (0, 0) in the centre.
  */

@@ -11,13 +11,13 @@
  *  - Only functions with `Enqueue` in their name are asynchronous. They take a wait list and may return an event, as in
  *    OpenCL; after warm-up (the first call) they do not block, allocate device memory or build programs.
  *  - Handles are reference counted: `...Create` gives one reference, `...Retain` adds one, `...Release` drops one.
- *    Releasing NULL is allowed and does nothing. A child retains what it needs: releasing a context before its stages is
- *    fine.
- *  - Thread rule, unless a handle says otherwise: different handles may be used from different threads at the same time;
- *    one handle may be used from one thread at a time: a second thread gets CLSP_ERROR_INVALID_STATE while the first is in
- *    a call. ClspContext may be used from any number of threads at once.
- *  - Coordinates: pixel centres are integers, x to the right, y down, origin at the top left pixel. Lengths are in metres,
- *    angles in radians; `_dn` is digital numbers (codes), `_px` is image pixels.
+ *    Releasing NULL is allowed and does nothing. A child retains what it needs: releasing a context before its stages
+ *    is fine.
+ *  - Thread rule, unless a handle says otherwise: different handles may be used from different threads at the same
+ *    time; one handle may be used from one thread at a time: a second thread gets CLSP_ERROR_INVALID_STATE while the
+ *    first is in a call. ClspContext may be used from any number of threads at once.
+ *  - Coordinates: pixel centres are integers, x to the right, y down, origin at the top left pixel. Lengths are in
+ *    metres, angles in radians; `_dn` is digital numbers (codes), `_px` is image pixels.
  */
 #ifndef CLSPECKLE_TYPES_H
 #define CLSPECKLE_TYPES_H
@@ -136,7 +136,8 @@ typedef struct ClspTuning_ *ClspTuning;     /**< What a measurement of the engin
 /** @} */
 
 /**
- * Told how far a long call is; called often, on the thread of the call. The call then fails with CLSP_ERROR_CANCELLED and has no effect.
+ * Told how far a long call is; called often, on the thread of the call. The call then fails with CLSP_ERROR_CANCELLED
+ * and has no effect.
  * @param what what is being done, in words; good until the return.
  * @param fraction 0 to 1, never less than before.
  * @return 0 to cancel, anything else to go on.
@@ -150,8 +151,8 @@ typedef int32_t (*ClspProgressFunction)(void *user_data, const char *what, doubl
 /** @} */
 
 /**
- * Told what the library has to say beside errors; on the thread of the call that it belongs to, so on several threads at once where these
- * share a context. It must not call the library.
+ * Told what the library has to say beside errors; on the thread of the call that it belongs to, so on several threads
+ * at once where these share a context. It must not call the library.
  * @param level CLSP_LOG_*; later releases may have more.
  * @param message one line of UTF-8; good until the return.
  */
@@ -168,8 +169,8 @@ typedef void (*ClspLogFunction)(void *user_data, uint32_t level, const char *mes
 #define CLSP_FORMAT_FLOAT32X3 6u  /**< Three packed floats per pixel (12 bytes). */
 #define CLSP_FORMAT_FLOAT32X4 7u  /**< Four floats per pixel; of a position or a normal the fourth is ignored. */
 
-/** A view of an image in a cl_mem buffer (not a cl_image). The library never owns the memory; it retains the cl_mem only
- *  for as long as OpenCL needs it. The layout of this struct is frozen: it never grows. */
+/** A view of an image in a cl_mem buffer (not a cl_image). The library never owns the memory; it retains the cl_mem
+ *  only for as long as OpenCL needs it. The layout of this struct is frozen: it never grows. */
 typedef struct ClspImage {
     cl_mem mem;              /**< The buffer; NULL means "no image" where an image is optional. */
     uint64_t offset_bytes;   /**< Where the first pixel lies; a multiple of the size of one component. */

@@ -14,7 +14,8 @@ struct CpuLines {
     ProgramCache::GeneratedHeader codelets; // in the lanes of the context's device
 };
 
-// Made once in a context and kept, as its programs are: the text takes as long as the transforms of a frame. Any thread.
+// Made once in a context and kept, as its programs are: the text takes as long as the transforms of a frame. Any
+// thread.
 std::shared_ptr<const CpuLines> cpu_lines(const Context &context, std::uint32_t length);
 
 } // namespace clsp

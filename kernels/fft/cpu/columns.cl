@@ -1,9 +1,10 @@
 // The columns' pass of the engine for CPUs: LANES pupil columns at once, transformed along the columns, multiplied by
-// the pupil and transformed back, in place (the layout is in rows_forward.cl): also between the stages, as a tile
-// beside the lines would need as much of the caches again.
+// the pupil and transformed back (the layout is in rows_forward.cl). All is done in place, also between the stages: a
+// tile beside the lines would need as much of the caches again.
 //   COMPLEX_PUPIL 1  the pupil has a phase (defocus, aberrations)
 //   HARD_PUPIL 1     the pupil is 0 or one number: a bit for each line instead of a number, which would be a quarter as
-//   many bytes as the pupil columns SHIFT 1          the image is shifted, by a phase ramp over the pupil
+//                    many bytes as the pupil columns
+//   SHIFT 1          the image is shifted, by a phase ramp over the pupil
 #include "common/lanes.h"
 
 #define FFT_TILE __global

@@ -3,8 +3,10 @@
 //   MATERIALS, COHERENT, LINES, SCREEN as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in phase_state.h
 //   OVERSAMPLING n
 //   POLARIZATIONS 2  both, one after the other: the lines of the second lie behind those of the first; the image is
-//   read once PREFETCH n    how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which
-//   cache, as __builtin_prefetch() has it STREAM_LINES 1  the pupil columns go past the caches
+//                    read once
+//   PREFETCH n       how many samples of each row are asked for ahead; 0 for none. PREFETCH_LOCALITY: into which cache,
+//                    as __builtin_prefetch() has it
+//   STREAM_LINES 1   the pupil columns go past the caches
 //
 // Pupil columns lie in column blocks of LANES, in the order in which the transform leaves them: point y of block b is a
 // pair of vectors (re, im) at lines[2 (b grid_height + y)], lane l the l-th column of the block.

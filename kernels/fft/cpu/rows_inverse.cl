@@ -3,9 +3,10 @@
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; 1, 2, 4 or 8, at most LANES
 //   POLARIZATIONS 2 the sum over both, whose lines lie one after the other
 //   PREFETCH_LINES 1  pupil columns are asked for ahead: those of the second polarization, or of the work-item that
-//   follows STREAM 1        rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
-//   SENSOR 1        what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in
-//   sensor_lanes.h); OVERSAMPLING 1
+//                     follows
+//   STREAM 1          rows of the intensity, or of the codes, go past the caches, where they begin as vectors do
+//   SENSOR 1          what the sensor makes of the intensity, which itself is not stored (OUTPUT_FORMAT as in
+//                     sensor_lanes.h); OVERSAMPLING 1
 #if SENSOR
 #include "stages/sensor_lanes.h"
 #else

@@ -1,7 +1,8 @@
 // The first pass of the engine for GPUs: the field of FFT_LINES rows, its transform along the rows, and of that only
 // the frequencies that the pupil lets through.
 //   MATERIALS, COHERENT, LINES, SCREEN, PADDED as in field_sample.h; FIELD_UNIT_PHASOR, PHASE_CONTINUOUS as in
-//   phase_state.h OVERSAMPLING n
+//   phase_state.h
+//   OVERSAMPLING n
 #include "stages/field_sample.h"
 #include "fft/gpu/work_groups.h"
 

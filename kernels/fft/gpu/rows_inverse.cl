@@ -2,8 +2,10 @@
 // intensity.
 //   OVERSAMPLING n  a pixel's value is weight times the sum over its n x n samples; FFT_LINES is a multiple of n
 //   SENSOR 1        the intensity goes through the camera's chain, and only the frame is written; sensor_pixel.h's
-//   switches PADDED 1        the field grid is larger than the image's samples QUARTERS 1      (with SENSOR) FFT_LINES
-//   is 4 n, one row of pixels in each quarter of the image: they share blocks of random numbers
+//                   switches
+//   PADDED 1        the field grid is larger than the image's samples
+//   QUARTERS 1      (with SENSOR) FFT_LINES is 4 n, one row of pixels in each quarter of the image: they share blocks
+//                   of random numbers
 #include "fft/gpu/work_groups.h"
 #if SENSOR
 #include "stages/sensor_pixel.h"

@@ -16,7 +16,8 @@ BIN = Path(os.environ.get("CLSPECKLE_BIN", Path(__file__).parents[3] / "build" /
 
 
 def dots() -> npt.NDArray[np.float32]:
-    """The image that examples/c/minimal.c draws: dots of 1.5 pixels standard deviation, 16 pixels apart, rows staggered."""
+    """The image that examples/c/minimal.c draws: dots of 1.5 pixels standard deviation, 16 pixels apart, rows
+    staggered."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     shift = np.where(y // 16 % 2 == 1, 8, 0)
     dx, dy = (x + shift) % 16 - 7.5, y % 16 - 7.5

@@ -29,9 +29,9 @@ MAIN = r"""
 #define CHECK(call) do { if ((call) != CLSP_SUCCESS) { fprintf(stderr, "%s\n", #call); exit(1); } } while (0)
 int main(void) {
     enum { WIDTH = 96, HEIGHT = 80, PIXELS = WIDTH * HEIGHT };
-    ClspContext context; ClspPhase phase; ClspAperture aperture; ClspLens lens; ClspSensor sensor; ClspPipeline pipeline;
-    ClspPhaseDesc phase_desc; ClspApertureDesc aperture_desc; ClspLensDesc lens_desc; ClspSensorDesc sensor_desc;
-    ClspPipelineDesc pipeline_desc; ClspFrame frame;
+    ClspContext context; ClspPhase phase; ClspAperture aperture; ClspLens lens; ClspSensor sensor;
+    ClspPipeline pipeline; ClspPhaseDesc phase_desc; ClspApertureDesc aperture_desc; ClspLensDesc lens_desc;
+    ClspSensorDesc sensor_desc; ClspPipelineDesc pipeline_desc; ClspFrame frame;
     cl_command_queue queue; cl_mem irradiance, output;
     static float ideal[PIXELS]; static uint16_t codes[PIXELS];
     int i;
@@ -94,7 +94,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     summary = run(folder, BIN / "clspeckle", "diagnose", "set", *reports)
     (folder / "summary.txt").write_bytes(summary.stdout)
     np.save(folder / "ideal.npy", np.ones(SHAPE, np.float32))
-    render = [BIN / "clspeckle", "render", "ideal.npy", "-o", "expected", "--profile", "camera.json", "--profile-maps", "off"]
+    render = [
+        BIN / "clspeckle",
+        "render",
+        "ideal.npy",
+        "-o",
+        "expected",
+        "--profile",
+        "camera.json",
+        "--profile-maps",
+        "off",
+    ]
     run(folder, *render, *COMMON.split())
     return folder
 

@@ -202,8 +202,8 @@ TEST_F(CppBinding, AWholeFrame) {
     pipeline.enqueue_frame(profiling, frame, {}, &done);
     done.wait();
     pipeline.check(profiling);
-    // Every stage but the pattern. The device's own engine makes the field in its forward transform, and the codes in the
-    // inverse one.
+    // Every stage but the pattern. The device's own engine makes the field in its forward transform, and the codes in
+    // the inverse one.
     const std::string engine = aperture.info().fft_engine;
     EXPECT_EQ(engine == "clfft" ? 7u : 4u, pipeline.timings().size());
     ideal.buffer.write(queue, std::vector<float>{-1.0f});

@@ -165,7 +165,8 @@ def test_dot_by_dot_against_scipy(camera, measured):
 
     for dot in placed[lonely][::4]:
         point = reference.triangulate(RIG, DIRECTIONS[dot["dot_index"]], np.array([dot["x_px"], dot["y_px"]]))
-        # Nearest in metres against nearest in pixels: off the axis, a pixel beside the line is worth a part of one along it.
+        # Nearest in metres against nearest in pixels: off the axis, a pixel beside the line is worth a part of one
+        # along it.
         along = abs(point[2] - dot["depth_m"]) / (dot["depth_m"] ** 2 / (RIG.fx * np.linalg.norm(RIG.laser)))
         measured(
             "point against the rays' middle, px along the line per px beside it", along / abs(dot["epipolar_error_px"])
@@ -342,8 +343,9 @@ def test_merged_dots_are_flagged(context, apart):
 
 @pytest.mark.parametrize("apart", [4.6, 4.8, 5.2])
 def test_close_dots_have_honest_deviations(context, apart):
-    """Two equal dots of 1.3 px at 3.5 widths and more: 40 draws of noise. The errors over their deviations, 80 of them along x, have an RMS of 1
-    within 0.25 (3 standard errors), and some more for the bias that is left at 3.5 widths; nothing is flagged."""
+    """Two equal dots of 1.3 px at 3.5 widths and more: 40 draws of noise. The errors over their deviations, 80 of them
+    along x, have an RMS of 1 within 0.25 (3 standard errors), and some more for the bias that is left at 3.5 widths;
+    nothing is flagged."""
     rng = np.random.default_rng(84)
     finder = clspeckle.Depth((40, 60), dot_sigma_px=1.3, read_noise_dn=2, context=context)
     y, x = np.mgrid[:40, :60]
@@ -360,7 +362,8 @@ def test_close_dots_have_honest_deviations(context, apart):
 
 
 def test_depths_end_where_the_range_does(context):
-    """A wall at 2 m lies 0.36 px beyond a range that ends at 1.95 m: within the slack that speckle needs for candidates, and yet without depths."""
+    """A wall at 2 m lies 0.36 px beyond a range that ends at 1.95 m: within the slack that speckle needs for
+    candidates, and yet without depths."""
     frame = frame_of("far wall").image.astype(np.float32)
     inside, outside = (make(context, far_m=far_m).measure(frame) for far_m in (2.05, 1.95))
     assert len(inside.placed) > 0.9 * len(inside.dots)

@@ -74,8 +74,9 @@ def measured_wall(context, polarization: float, f_number: float, **options):
 
 @pytest.mark.parametrize(("polarization", "f_number"), [(0.0, 2.8), (1.0, 2.8), (0.0, 5.6), (1.0, 5.6)])
 def test_errors_are_within_two_deviations(context, measured, polarization, f_number):
-    """90 to 98 % of some 900 depths within two standard deviations. The share of right ones, 95 %, has a standard deviation of 0.7 %: they fail
-    once in 10^5 seeds. Deviations that are too small by 1.3 (88 %) or too large by 1.25 (98.8 %) fail in 19 of 20 seeds. One seed."""
+    """90 to 98 % of some 900 depths within two standard deviations. The share of right ones, 95 %, has a standard
+    deviation of 0.7 %: they fail once in 10^5 seeds. Deviations that are too small by 1.3 (88 %) or too large by 1.25
+    (98.8 %) fail in 19 of 20 seeds. One seed."""
     known = {"relative_diameter": diameter(f_number), "speckle_contrast": contrast(polarization)}
     frame, result = measured_wall(context, polarization, f_number, **known)
     placed = result.placed[frame.visible[result.placed["dot_index"]]]
@@ -91,7 +92,8 @@ def test_errors_are_within_two_deviations(context, measured, polarization, f_num
 
 
 def test_a_lens_that_is_not_told_is_missed(context):
-    """Without the lens the deviations are the noise's, a fifth of the errors, and the distances from the lines say so."""
+    """Without the lens the deviations are the noise's, a fifth of the errors, and the distances from the lines say
+    so."""
     _, result = measured_wall(context, 0.0, 5.6)
     assert result.summary.median_epipolar_error_px > 3 * result.summary.expected_epipolar_error_px
     assert "speckle_contrast" in result.summary.warnings["epipolar"]

@@ -62,7 +62,8 @@ def test_figures_are_those_of_a_float64_transform(levels: int, shape: tuple[int,
 
 @pytest.mark.parametrize("levels", [0, 8])
 def test_a_plain_numpy_implementation_gets_no_further(levels: int, measured: Note) -> None:
-    """Ten seeds each, 100 orders: efficiencies scatter by 0.3 % between seeds, so that means of ten agree within 0.5 %."""
+    """Ten seeds each, 100 orders: efficiencies scatter by 0.3 % between seeds, so that means of ten agree within 0.5
+    %."""
     orders = grid(100, 3)
     ours, theirs = [], []
     for seed in range(10):

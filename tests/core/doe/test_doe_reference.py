@@ -60,8 +60,9 @@ def test_orders_are_spots(context, measured, envelope, half_extent):
 
 @pytest.mark.parametrize("evaluation", ["orders", "aperture"])
 def test_energy_is_kept(context, measured, evaluation):
-    """Without the envelope all light lies within the sampling limit: the texels of an image that covers it hold the power
-    to 1e-6, as do the books. The orders end where the sampling limit is, and half a spot sticks out: the image is wider."""
+    """Without the envelope all light lies within the sampling limit: the texels of an image that covers it hold the
+    power to 1e-6, as do the books. The orders end where the sampling limit is, and half a spot sticks out: the image is
+    wider."""
     phase = random_cell((40, 40))
     limit = WAVELENGTH / (2 * PITCH)
     beam = clspeckle.Beam(covariance_m2=(30e-6**2, 40e-6**2))
@@ -100,8 +101,8 @@ def test_aperture_is_the_transform_of_the_field(context, measured, envelope, ove
 
 
 def test_aperture_and_orders_agree(context):
-    """The same periodic design both ways: the share of each dot, where the beam covers enough cells. Spots of other orders
-    leak into a dot's circle, so the cell has few bright orders."""
+    """The same periodic design both ways: the share of each dot, where the beam covers enough cells. Spots of other
+    orders leak into a dot's circle, so the cell has few bright orders."""
     phase = binary_grating(16)
     orders = [[-1, 0], [1, 0], [3, 0], [-3, 0]]
     options = {"orders": orders, "half_extent": 0.3, "image_shape": (3, 1200), "pitch": 1.5e-6}
@@ -154,7 +155,8 @@ def test_a_design_keeps_its_own_levels(context):
 
 
 def test_levels_do_not_depend_on_where_a_cell_begins(context):
-    """Orders of a cell that repeats: rolled, it has the same powers, with a depth error too; and levels that are there stay as they are."""
+    """Orders of a cell that repeats: rolled, it has the same powers, with a depth error too; and levels that are there
+    stay as they are."""
     defects = clspeckle.DoeDefects(levels=8, relative_depth_error=0.1)
     orders = [[m, n] for m in range(-3, 4) for n in range(-3, 4)]
     rng = np.random.default_rng(78)
@@ -174,7 +176,8 @@ def test_levels_do_not_depend_on_where_a_cell_begins(context):
 
 @pytest.mark.parametrize("wavelength", [910e-9, 940e-9, 980e-9])
 def test_wavelength_moves_and_spoils_dots(context, wavelength):
-    """Thesis Fig. 5: directions go with the wavelength; the depth, a length, is wrong for it. Centroid of the dot to 1e-3."""
+    """Thesis Fig. 5: directions go with the wavelength; the depth, a length, is wrong for it. Centroid of the dot to
+    1e-3."""
     made = pattern_of(
         context,
         binary_grating(40),
@@ -225,7 +228,8 @@ def test_rounding_of_features(context, sigma_px):
 
 @pytest.mark.parametrize("rms_m", [10e-9, 60e-9])
 def test_etch_noise_scatters(context, rms_m):
-    """The share 1 - exp(-s^2), s = 2 pi (n - 1) sigma / lambda, leaves the dots and spreads under the pixel's envelope."""
+    """The share 1 - exp(-s^2), s = 2 pi (n - 1) sigma / lambda, leaves the dots and spreads under the pixel's
+    envelope."""
     s = 2 * np.pi * 0.4507 * rms_m / WAVELENGTH
     clean = pattern_of(context, binary_grating(16), orders=[[1, 0], [-1, 0]])
     noisy = pattern_of(
@@ -249,8 +253,8 @@ def test_etch_noise_scatters(context, rms_m):
 
 def test_etch_noise_drawn(context):
     """The same law where every pixel's error is drawn: 1000 x 40 pixels under a flat beam. The dots lose exp(-s^2) of
-    their light, s = 0.3: the mean phasor of n = 40000 pixels has a relative error of s / sqrt(n) = 0.0015, 3.3 of them are
-    0.5 %. Another seed gives another pattern."""
+    their light, s = 0.3: the mean phasor of n = 40000 pixels has a relative error of s / sqrt(n) = 0.0015, 3.3 of them
+    are 0.5 %. Another seed gives another pattern."""
     s, n = 0.3, 40000
     rms_m = s * WAVELENGTH / (2 * np.pi * 0.4507)
     phase = np.tile(binary_grating(20), (40, 50))
@@ -282,9 +286,9 @@ def single_spot(context, beam, half_extent, texels=61):
 
 
 def test_spots_have_the_shape_of_the_beams_far_field(context):
-    """A flat circle gives an Airy pattern, a flat square sinc^2, a rotated Gaussian the inverse covariance. Over the peak:
-    tables have 16 nodes per lambda / D, end at 16 lambda / D, and give what lies beyond (1.2 % of an Airy pattern) back to
-    the rest."""
+    """A flat circle gives an Airy pattern, a flat square sinc^2, a rotated Gaussian the inverse covariance. Over the
+    peak: tables have 16 nodes per lambda / D, end at 16 lambda / D, and give what lies beyond (1.2 % of an Airy
+    pattern) back to the rest."""
     width, half, points = 100e-6, 0.02, 8  # 8 x 8 points of the closed forms in each texel
     u = ((np.arange(61 * points) + 0.5) / (61 * points) * 2 - 1) * half
     grid_u, grid_v = np.meshgrid(u, u)
@@ -313,8 +317,8 @@ def test_spots_have_the_shape_of_the_beams_far_field(context):
 
 
 def test_beam_kinds_agree_where_they_are_the_same(context):
-    """A super-Gaussian of order 1, a skewed beam without skew and an image of a Gaussian are that Gaussian; M^2 widens the far
-    field; a skew makes the beam narrower, so its far field wider."""
+    """A super-Gaussian of order 1, a skewed beam without skew and an image of a Gaussian are that Gaussian; M^2 widens
+    the far field; a skew makes the beam narrower, so its far field wider."""
     sigma, half = 60e-6, 0.01
     plain, _ = single_spot(context, clspeckle.Beam(covariance_m2=(sigma**2, sigma**2)), half, 101)
     x = ((np.arange(256) + 0.5) / 256 * 2 - 1) * 6

@@ -52,8 +52,9 @@ TEST(EffectRecords, FormsAreValuesOfTheEffectsParameters) {
     for (const Effect &effect : effect_catalogue())
         for (const EffectForms &forms : effect.forms) {
             SCOPED_TRACE(effect.id);
-            const auto found = std::find_if(effect.parameters.begin(), effect.parameters.end(),
-                                            [&](const EffectParameter &p) { return std::string(p.name) == forms.parameter; });
+            const auto found =
+                std::find_if(effect.parameters.begin(), effect.parameters.end(),
+                             [&](const EffectParameter &p) { return std::string(p.name) == forms.parameter; });
             ASSERT_NE(effect.parameters.end(), found) << forms.parameter;
             EXPECT_FALSE(forms.values.empty());
             for (const double value : forms.values) {

@@ -1,4 +1,5 @@
-// The catalogue of effects: what it lists, that each changes what it should and nothing else, and that clearing puts everything back.
+// The catalogue of effects: what it lists, that each changes what it should and nothing else, and that clearing puts
+// everything back.
 #include "test_support.hpp"
 
 #include <map>
@@ -155,7 +156,8 @@ TEST(EffectCatalogue, ListsWhatTheProtocolFixes) {
         }
     }
     for (const auto &[id, expected] : fixed_effects) {
-        const auto effect = std::find_if(all.begin(), all.end(), [id = id](const ClspEffectInfo &e) { return id == e.id; });
+        const auto effect =
+            std::find_if(all.begin(), all.end(), [id = id](const ClspEffectInfo &e) { return id == e.id; });
         ASSERT_NE(all.end(), effect) << id;
         EXPECT_EQ(expected.first, effect->stage) << id;
         std::vector<std::string> names;

@@ -1,9 +1,9 @@
 """The effects that a pipeline carries out itself, against closed forms and the float64 reference.
 
 Frames of 256 x 256 pixels at D = 0.386: some 7,600 independent speckles each. The contrast of n of them has a relative
-standard error of about 1.5 / sqrt(7,600 n) for exponential statistics (sqrt(2) for exponential, more for the noise of the
-mean; measured over seeds 1.3): 0.54 % for 10 frames. Bounds are 4 standard errors (size 6e-5 for each test), and what is
-off by 4 % is found with a power of 0.99. Seeds are fixed.
+standard error of about 1.5 / sqrt(7,600 n) for exponential statistics (sqrt(2) for exponential, more for the noise of
+the mean; measured over seeds 1.3): 0.54 % for 10 frames. Bounds are 4 standard errors (size 6e-5 for each test), and
+what is off by 4 % is found with a power of 0.99. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def test_lines_of_the_laser(context, measured, dephasing):
 
 @pytest.mark.parametrize("lines", [2, 3, 6])
 def test_number_of_lines(context, lines):
-    """Far apart, M lines are M independent patterns, 1/sqrt(M) for equal weights, as far as the heights in a grain go."""
+    """Far apart, M lines are M independent patterns, 1/sqrt(M) for equal weights, as far as the heights in a grain
+    go."""
     offsets = np.linspace(-2, 2, lines)
     weights = np.exp(-(offsets**2) / 2)
     coarse = camera(context, line_count=lines, dephasing_rad=9.0)
@@ -512,8 +513,8 @@ def test_incoherent_frames_are_distorted_like_those_of_the_laser(context):
 @pytest.mark.parametrize(("effect", "part"), [("column_gain", 0), ("row_gain", 1), ("prnu", 2)])
 def test_gains_of_columns_rows_and_pixels(context, measured, effect, part):
     """A flat field at half of full scale, split into columns, rows and pixels as EMVA 1288 has it: the effect is in its
-    own part alone, and frames in the dark have none of it. 256 columns or rows know a standard deviation to 4.4 %: 4 standard
-    errors (size 6e-5), and what is off by a third is found with a power of 0.99."""
+    own part alone, and frames in the dark have none of it. 256 columns or rows know a standard deviation to 4.4 %: 4
+    standard errors (size 6e-5), and what is off by a third is found with a power of 0.99."""
     sensor = {"output": "codes", "bits": 12, "exposure_gain_dn": 2000.0, "read_noise_dn": 2.0}
     pipeline = camera(context, **sensor, effects={effect: {"sigma": 0.01}})
     flat = np.ones(SHAPE, np.float32)
@@ -532,7 +533,9 @@ CODES = {"output": "codes", "bits": 12, "exposure_gain_dn": 2000.0, "black_level
 
 def lamp(pipeline, count, level=1.0):
     flat = np.full(SHAPE, level, np.float32)
-    return np.stack([pipeline.render(flat, illumination="incoherent", frame_index=i) for i in range(count)]).astype(float)
+    return np.stack([pipeline.render(flat, illumination="incoherent", frame_index=i) for i in range(count)]).astype(
+        float
+    )
 
 
 def darkness(pipeline, count):
@@ -594,7 +597,8 @@ def test_dull_pixels(context):
 
 @pytest.mark.parametrize("centered", [0, 1])
 def test_telegraph_noise_has_two_levels(context, centered):
-    """1311 of 65536 pixels (standard error 36) are high in half of 32 frames (standard error of all together 0.0024)."""
+    """1311 of 65536 pixels (standard error 36) are high in half of 32 frames (standard error of all together
+    0.0024)."""
     effect = {"telegraph_noise": {"fraction": 0.02, "step_dn": 60.0, "centered": centered}}
     frames = darkness(camera(context, **CODES, effects=effect), 32) - 200
     spread = frames.std(axis=0, ddof=1)
@@ -635,7 +639,8 @@ def test_a_cubic_response(context):
 @pytest.mark.parametrize(("period", "widest"), [(2, 1.0), (4, 2.7), (8, 0.0)])
 def test_codes_of_different_widths(context, measured, period, widest):
     """Counts of codes over those of even codes are the widths 1 + a cos(2 pi (n - widest) / period): 65536 pixels of 16
-    frames, noise of 12 DN, so that each of the remainders has 1e6 / period and a standard error of period^(1/2) 1e-3."""
+    frames, noise of 12 DN, so that each of the remainders has 1e6 / period and a standard error of period^(1/2)
+    1e-3."""
     dnl = {"amplitude_lsb": 0.4, "period_codes": period, "widest_code": widest}
     frames = lamp(camera(context, **CODES | {"read_noise_dn": 12.0}, effects={"differential_nonlinearity": dnl}), 16)
     codes = frames.astype(np.int64)

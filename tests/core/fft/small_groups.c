@@ -1,5 +1,6 @@
-// Preloaded, it says of every device what GPUs have (work-groups of 1024 work-items, 48 KB of local memory), and of every kernel that it
-// takes CLSP_KERNEL_WORK_GROUP_SIZE work-items and no local memory of its own: NVIDIA's driver gives kernels fewer than its devices have.
+// Preloaded, it says of every device what GPUs have (work-groups of 1024 work-items, 48 KB of local memory), and of
+// every kernel that it takes CLSP_KERNEL_WORK_GROUP_SIZE work-items and no local memory of its own: NVIDIA's driver
+// gives kernels fewer than its devices have.
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
 
@@ -11,8 +12,8 @@ static void *real(const char *name) {
     return dlsym(dlopen("libOpenCL.so.1", RTLD_LAZY), name);
 }
 
-cl_int clGetKernelWorkGroupInfo(cl_kernel kernel, cl_device_id device, cl_kernel_work_group_info name, size_t size, void *value,
-                                size_t *size_needed) {
+cl_int clGetKernelWorkGroupInfo(cl_kernel kernel, cl_device_id device, cl_kernel_work_group_info name, size_t size,
+                                void *value, size_t *size_needed) {
     cl_int (*get)(cl_kernel, cl_device_id, cl_kernel_work_group_info, size_t, void *, size_t *);
     *(void **)&get = real("clGetKernelWorkGroupInfo");
     const cl_int status = get(kernel, device, name, size, value, size_needed);

@@ -1,5 +1,5 @@
-// The generated line transforms of the engine for CPUs, alone: forward, inverse and filtered lines against sums in double
-// precision.
+// The generated line transforms of the engine for CPUs, alone: forward, inverse and filtered lines against sums in
+// double precision.
 #include "runtime/context.hpp"
 #include "runtime/error.hpp"
 #include "fft/cpu/codelets.hpp"

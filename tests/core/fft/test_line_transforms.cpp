@@ -1,4 +1,5 @@
-// Line transforms in lanes behind the Fft interface: two-dimensional transforms in place against sums in double precision.
+// Line transforms in lanes behind the Fft interface: two-dimensional transforms in place against sums in double
+// precision.
 #include "runtime/command_chain.hpp"
 #include "runtime/context.hpp"
 #include "runtime/device_buffer.hpp"
@@ -92,7 +93,8 @@ class LineTransforms : public testing::TestWithParam<Size> {};
 
 // Lines that fill the vectors and lines that do not, one butterfly and several stages.
 INSTANTIATE_TEST_SUITE_P(Sizes, LineTransforms,
-                         testing::Values(Size{192, 160}, Size{160, 312}, Size{2, 2}, Size{3, 13}, Size{45, 28}, Size{26, 33}, Size{64, 5}));
+                         testing::Values(Size{192, 160}, Size{160, 312}, Size{2, 2}, Size{3, 13}, Size{45, 28},
+                                         Size{26, 33}, Size{64, 5}));
 
 TEST_P(LineTransforms, AgreesWithSums) {
     const auto [width, height] = GetParam();
@@ -103,7 +105,9 @@ TEST_P(LineTransforms, AgreesWithSums) {
     }
     ASSERT_TRUE(fft);
     const Field field = noise(std::size_t{width} * height, width + height);
-    EXPECT_LT(relative_error(transformed(*fft, field, FftDirection::kForward), reference(field, width, height, -1.0), 1.0), 4e-7);
+    EXPECT_LT(
+        relative_error(transformed(*fft, field, FftDirection::kForward), reference(field, width, height, -1.0), 1.0),
+        4e-7);
     EXPECT_LT(relative_error(transformed(*fft, field, FftDirection::kInverse), reference(field, width, height, 1.0),
                              1.0 / double(field.size())),
               4e-7);

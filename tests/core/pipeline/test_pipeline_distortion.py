@@ -1,8 +1,10 @@
-"""A lens that distorts, and a surface that moves: path, correlation, shift and masks are taken where the lens shows them.
+"""A lens that distorts, and a surface that moves: path, correlation, shift and masks are taken where the lens shows
+them.
 
-A pipeline's phase is compared with a second one of the same seed, which is advanced by hand: with what a motion stage says about the
-ideal image (tests/core/stages/motion checks that), warped by the float64 reference of the lens. The two are equal bit for bit, but for pixels whose
-source lies within 0.001 px of the border between two ideal pixels, where single and double precision may take different ones.
+A pipeline's phase is compared with a second one of the same seed, which is advanced by hand: with what a motion stage
+says about the ideal image (tests/core/stages/motion checks that), warped by the float64 reference of the lens. The two
+are equal bit for bit, but for pixels whose source lies within 0.001 px of the border between two ideal pixels, where
+single and double precision may take different ones.
 """
 
 from __future__ import annotations
@@ -72,7 +74,9 @@ def test_the_lens_bends_what_these_tests_look_at():
 
 def test_path(context):
     twins = Twins(context)
-    now = np.stack([(X - INTRINSICS[2]) * DEPTH / FOCAL, (Y - INTRINSICS[3]) * DEPTH / FOCAL, np.full(SHAPE, DEPTH)], -1)
+    now = np.stack(
+        [(X - INTRINSICS[2]) * DEPTH / FOCAL, (Y - INTRINSICS[3]) * DEPTH / FOCAL, np.full(SHAPE, DEPTH)], -1
+    )
     before = now.copy()
     before[..., 0] += np.random.default_rng(1).uniform(0, 1e-3, SHAPE)  # other paths at neighbours, up to 2 lengths
     given = clspeckle.MotionInput(position=now.astype(np.float32), previous_position=before.astype(np.float32))
@@ -101,7 +105,9 @@ def test_correlation(context):
 
 def test_motion_mask(context):
     twins = Twins(context, rule="replace")
-    now = np.stack([(X - INTRINSICS[2]) * DEPTH / FOCAL, (Y - INTRINSICS[3]) * DEPTH / FOCAL, np.full(SHAPE, DEPTH)], -1)
+    now = np.stack(
+        [(X - INTRINSICS[2]) * DEPTH / FOCAL, (Y - INTRINSICS[3]) * DEPTH / FOCAL, np.full(SHAPE, DEPTH)], -1
+    )
     before = now.copy()
     before[..., 0] += 1e-3 * np.random.default_rng(3).integers(0, 2, SHAPE)
     given = clspeckle.MotionInput(position=now.astype(np.float32), previous_position=before.astype(np.float32))
@@ -135,10 +141,11 @@ def whole(shift):
 
 @pytest.mark.parametrize("uniform", [(7.0, -4.0), (-6.0, 5.0), (0.0, 9.0)])
 def test_shift_is_stretched_and_turned(context, measured, uniform):
-    """Vectors of up to 9 px under a slope of up to 1.5: samples of the field come from where the reference's slope says.
+    """Vectors of up to 9 px under a slope of up to 1.5: samples of the field come from where the reference's slope
+    says.
 
-    A sample is compared where the shift is clear of a half by 0.02 px (central differences of the lens's map have an error of 1e-3 at the
-    border, times 9 px) and where no sample that is not could have claimed the same place.
+    A sample is compared where the shift is clear of a half by 0.02 px (central differences of the lens's map have an
+    error of 1e-3 at the border, times 9 px) and where no sample that is not could have claimed the same place.
     """
     twins = Twins(context, [clspeckle.Material(**STILL)], translate=True)
     vectors = np.empty((*SHAPE, 2), np.float32)

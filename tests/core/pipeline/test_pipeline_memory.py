@@ -47,9 +47,9 @@ def test_one_shared_column_is_refused(context, ideal, columns):
 
 @pytest.mark.parametrize("oversampling", [2, 4])
 def test_oversampling_changes_no_light(context, oversampling):
-    """Mean intensity of a flat image at D = 0.5 against pi D^2 / 4. 16 frames of 128 x 128 hold about 16 * 128^2 pi D^2 / 4 =
-    51,000 independent speckles at p = 1, so the mean has a standard error of 0.44 %; an error of 1 / oversampling^2 is 170 of
-    them, the bound is 4."""
+    """Mean intensity of a flat image at D = 0.5 against pi D^2 / 4. 16 frames of 128 x 128 hold about 16 * 128^2 pi D^2
+    / 4 = 51,000 independent speckles at p = 1, so the mean has a standard error of 0.44 %; an error of 1 /
+    oversampling^2 is 170 of them, the bound is 4."""
     shape, diameter = (128, 128), 0.5
     camera = clspeckle.Pipeline.from_parameters(
         shape, output="intensity", relative_diameter=diameter, oversampling=oversampling, seed=1, context=context

@@ -1,8 +1,8 @@
-"""Whole frames of scenes that move: speckle that travels with its surface, decorrelates along its path, blurs while the shutter is
-open; and what is wrong with a frame's motion or materials.
+"""Whole frames of scenes that move: speckle that travels with its surface, decorrelates along its path, blurs while the
+shutter is open; and what is wrong with a frame's motion or materials.
 
-A plane at 0.5 m; a shift of the surface by one pixel is 0.5 / 500 = 1 mm. 256 x 256 pixels at D = 0.386 hold 7,600 independent
-speckles: a correlation of intensities has a standard error of about 0.015 in one pair of frames.
+A plane at 0.5 m; a shift of the surface by one pixel is 0.5 / 500 = 1 mm. 256 x 256 pixels at D = 0.386 hold 7,600
+independent speckles: a correlation of intensities has a standard error of about 0.015 in one pair of frames.
 """
 
 from __future__ import annotations
@@ -28,9 +28,7 @@ def moved_by(x=0.0, y=0.0, z=0.0, **parameters):
     """The plane was (x, y, z) metres away from where it is."""
     transform = np.eye(3, 4)
     transform[:, 3] = x, y, z
-    return clspeckle.MotionInput(
-        depth=np.full(SHAPE, DEPTH, np.float32), previous_from_current=transform, **parameters
-    )
+    return clspeckle.MotionInput(depth=np.full(SHAPE, DEPTH, np.float32), previous_from_current=transform, **parameters)
 
 
 def steady(**lengths):
@@ -137,7 +135,8 @@ def test_skin_lives_and_wood_does_not(context):
         first = pipeline.render(FLAT, refresh="all", material=material).astype(np.float64)
         motion = moved_by(frame_time_s=dt, material=material)
         second = pipeline.render(FLAT, motion=motion, material=material).astype(np.float64)
-        # Away from the borders between them, of which one lies around the periodic edge; rings of the point spread reach on.
+        # Away from the borders between them, of which one lies around the periodic edge; rings of the point spread
+        # reach on.
         wood, skin = np.s_[:, 16 : SIZE // 2 - 16], np.s_[:, SIZE // 2 + 16 : -16]
         assert np.corrcoef(first[wood].ravel(), second[wood].ravel())[0, 1] > 0.99
         values.append(correlation(first[skin], second[skin]))
@@ -175,7 +174,9 @@ def test_material_ids_outside_the_table_are_reported(context):
     expected = pipeline.render(FLAT, refresh="all", material=material, frame_index=0)
     material[7, 11:14] = 2
     np.testing.assert_array_equal(pipeline.render(FLAT, refresh="all", material=material, frame_index=0), expected)
-    with pytest.raises(clspeckle.errors.InvalidDataError, match=r"material: 3 pixels with ids outside .* x = 11, y = 7"):
+    with pytest.raises(
+        clspeckle.errors.InvalidDataError, match=r"material: 3 pixels with ids outside .* x = 11, y = 7"
+    ):
         pipeline.check()
 
 

@@ -4,7 +4,8 @@
 
 #include <dlfcn.h>
 
-cl_command_queue clCreateCommandQueue(cl_context context, cl_device_id device, cl_command_queue_properties properties, cl_int *error) {
+cl_command_queue clCreateCommandQueue(cl_context context, cl_device_id device, cl_command_queue_properties properties,
+                                      cl_int *error) {
     cl_command_queue (*create)(cl_context, cl_device_id, cl_command_queue_properties, cl_int *);
     // Python loads the library with names of its own, which RTLD_NEXT does not see.
     *(void **)&create = dlsym(dlopen("libOpenCL.so.1", RTLD_LAZY), "clCreateCommandQueue");

@@ -1,4 +1,5 @@
-/* Preloaded, it makes a process see what one sees that has more rights than who started it (set-user-ID, capabilities). */
+/* Preloaded, it makes a process see what one sees that has more rights than who started it (set-user-ID,
+ * capabilities). */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <stdlib.h>

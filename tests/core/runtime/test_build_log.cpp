@@ -31,10 +31,11 @@ TEST(BuildLog, LinesOfTheWholeProgramBecomeFilesAndLines) {
                                        {"<kernel>:12", "of a user:41"}})
         EXPECT_EQ(std::string(place) + ":19: error: what",
                   with_files_and_lines(std::string(whole) + ":19: error: what", kProgram));
-    EXPECT_EQ("frame.cl:3:7: error: unknown type\nfloat a;\n      ^\ncommon/pixel.h:1:7: note: here\n1 error generated.\n",
-              with_files_and_lines("<kernel>:7:7: error: unknown type\nfloat a;\n      ^\n"
-                                   "<kernel>:4:7: note: here\n1 error generated.\n",
-                                   kProgram));
+    EXPECT_EQ(
+        "frame.cl:3:7: error: unknown type\nfloat a;\n      ^\ncommon/pixel.h:1:7: note: here\n1 error generated.\n",
+        with_files_and_lines("<kernel>:7:7: error: unknown type\nfloat a;\n      ^\n"
+                             "<kernel>:4:7: note: here\n1 error generated.\n",
+                             kProgram));
 }
 
 TEST(BuildLog, WhatHasFilesAndLinesOrNoneStaysAsItIs) {
@@ -50,8 +51,9 @@ TEST(BuildLog, WhatHasFilesAndLinesOrNoneStaysAsItIs) {
 TEST(BuildLog, NamesAnErrorOrIsOfTheDriversOwnFailure) {
     for (const char *log : {"frame.cl:3:7: error: unknown type\n", "1 Error generated", "frame.cl(3): ERROR: syntax"})
         EXPECT_TRUE(clsp::names_an_error(log)) << log;
-    for (const char *log : {"", "(the driver gave no build log)", "Device pthread-skylake failed to build the program\n",
-                            "frame.cl:3:7: warning: unused variable\n"})
+    for (const char *log :
+         {"", "(the driver gave no build log)", "Device pthread-skylake failed to build the program\n",
+          "frame.cl:3:7: warning: unused variable\n"})
         EXPECT_FALSE(clsp::names_an_error(log)) << log;
 }
 

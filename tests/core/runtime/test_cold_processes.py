@@ -1,6 +1,7 @@
 """Twenty processes at once, on caches that are empty: PoCL's own and the library's.
 
-PoCL 3.1 loses one to two builds of 140 then, in about half of such runs: its log names no error, and the library builds once more.
+PoCL 3.1 loses one to two builds of 140 then, in about half of such runs: its log names no error, and the library builds
+once more.
 """
 
 from __future__ import annotations

@@ -94,6 +94,10 @@ clspeckle.Queue().finish()
 def test_a_device_without_queues_out_of_order_says_so() -> None:
     preload = {"LD_PRELOAD": str(BUILD / "lib" / "libin_order.so")}
     done = subprocess.run(
-        [sys.executable, "-c", IN_ORDER_ONLY], env={**os.environ, **preload}, capture_output=True, check=False, text=True
+        [sys.executable, "-c", IN_ORDER_ONLY],
+        env={**os.environ, **preload},
+        capture_output=True,
+        check=False,
+        text=True,
     )
     assert done.returncode == 0, done.stderr

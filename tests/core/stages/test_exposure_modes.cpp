@@ -1,4 +1,5 @@
-// The independent patterns of an exposure, against integrals of the kernels exp(-L |t - t'|) and exp(-L^2 (t - t')^2) that they expand.
+// The independent patterns of an exposure, against integrals of the kernels exp(-L |t - t'|) and exp(-L^2 (t - t')^2)
+// that they expand.
 #include "stages/exposure_modes.hpp"
 
 #include <gtest/gtest.h>
@@ -32,8 +33,8 @@ double mean_cube(double path) {
     return sum;
 }
 
-// The same of exp(-L^2 ((s - t)^2 + (t - u)^2 + (u - s)^2)), by the differences a = t - s and b = u - s: 2 L^2 (a^2 - a b + b^2), and
-// three points that span d lie in [0, 1] with the measure 1 - d.
+// The same of exp(-L^2 ((s - t)^2 + (t - u)^2 + (u - s)^2)), by the differences a = t - s and b = u - s: 2 L^2 (a^2 - a
+// b + b^2), and three points that span d lie in [0, 1] with the measure 1 - d.
 double mean_gaussian_cube(double path) {
     constexpr int kSteps = 400;
     double sum = 0.0;
@@ -60,7 +61,8 @@ class ExposureModes : public testing::TestWithParam<std::tuple<double, ExposureC
 
 INSTANTIATE_TEST_SUITE_P(Paths, ExposureModes,
                          testing::Combine(testing::Values(0.0, 0.01, 0.1, 0.4, 1.0, 2.5, 6.0, 16.0, 32.0),
-                                          testing::Values(ExposureCorrelation::kField, ExposureCorrelation::kGaussian)));
+                                          testing::Values(ExposureCorrelation::kField,
+                                                          ExposureCorrelation::kGaussian)));
 
 TEST_P(ExposureModes, HaveTheLightOfTheExposure) {
     EXPECT_NEAR(sum([](const ExposureMode &m) { return m.weight; }), 1.0, 1e-9);
@@ -91,7 +93,8 @@ TEST_P(ExposureModes, AreFew) {
         EXPECT_EQ(modes.size(), 1u);
     }
     for (std::size_t i = 1; i < modes.size(); ++i)
-        // Those of a Gaussian correlation are nearly equal up to where they end: the one after the kept ones stands for several.
+        // Those of a Gaussian correlation are nearly equal up to where they end: the one after the kept ones stands for
+        // several.
         EXPECT_LE(modes[i].weight, modes[i - 1].weight * (law == ExposureCorrelation::kGaussian ? 1.3 : 1.0 + 1e-9));
 }
 

@@ -1,7 +1,8 @@
-"""The tables of J. W. Goodman, "Speckle Phenomena in Optics" (2nd ed., SPIE 2020), on what the library draws: contrast against looks,
-polarization and roughness, the size of a speckle against the f-number, intensities at two points.
+"""The tables of J. W. Goodman, "Speckle Phenomena in Optics" (2nd ed., SPIE 2020), on what the library draws: contrast
+against looks, polarization and roughness, the size of a speckle against the f-number, intensities at two points.
 
-All seeds are fixed. Bounds are in standard errors that the frames themselves yield, or that theory gives; each test states its power.
+All seeds are fixed. Bounds are in standard errors that the frames themselves yield, or that theory gives; each test
+states its power.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ def within(values, expected, level=LEVEL):
 
 
 def correlation(frames):
-    """Covariance of each frame over its mean squared, by the power spectrum: the plane is periodic, lag [0, 0] first."""
+    """Covariance of each frame over its mean squared, by the power spectrum: the plane is periodic, lag [0, 0]
+    first."""
     for frame in frames:
         relative = frame / frame.mean() - 1
         yield np.fft.ifft2(np.abs(np.fft.fft2(relative)) ** 2).real / relative.size
@@ -44,8 +46,9 @@ def correlation(frames):
 def test_contrast_against_looks(context, looks, p):
     """The mean of M independent intensities has the contrast sqrt((1 + p^2) / (2 M)) (Goodman 3.2, 4.5).
 
-    10 groups of M frames of 192 x 192 at D = 0.5: the contrast is known to 0.2 to 0.3 %, Student's t at level 1e-3 (15 of them: 1.5 % that one
-    fails by chance over seeds). One look more or less changes it by 2 % at M = 25: 7 standard errors, found with a probability above 0.95.
+    10 groups of M frames of 192 x 192 at D = 0.5: the contrast is known to 0.2 to 0.3 %, Student's t at level 1e-3 (15
+    of them: 1.5 % that one fails by chance over seeds). One look more or less changes it by 2 % at M = 25: 7 standard
+    errors, found with a probability above 0.95.
     """
     camera = Camera(context, 0.5, p, size=192, seed=901)
     frames = camera.frames(10 * looks)
@@ -62,8 +65,9 @@ def test_contrast_against_looks(context, looks, p):
 
 @pytest.mark.parametrize(("looks", "p"), [(2, 1.0), (5, 1.0), (3, 0.0)])
 def test_law_of_looks(context, measured, looks, p):
-    """The mean of M looks follows the Gamma law of shape M at p = 1 (Goodman 3.2) and 2 M at p = 0. Kolmogorov-Smirnov at level 1e-3 on
-    9216 pixels 8 px apart of 4 means (critical distance 0.020); a shape off by one is 0.05 or more away, and is refused."""
+    """The mean of M looks follows the Gamma law of shape M at p = 1 (Goodman 3.2) and 2 M at p = 0. Kolmogorov-Smirnov
+    at level 1e-3 on 9216 pixels 8 px apart of 4 means (critical distance 0.020); a shape off by one is 0.05 or more
+    away, and is refused."""
     camera = Camera(context, 0.5, p, size=384, seed=902)
     frames = camera.frames(4 * looks)
     means = [sum(next(frames)[::8, ::8] for _ in range(looks)) / looks for _ in range(4)]
@@ -85,11 +89,12 @@ def test_law_of_looks(context, measured, looks, p):
 
 @pytest.mark.parametrize("height_over_wavelength", [0.0, 0.02, 0.04, 0.06, 0.08, 0.12, 0.5])
 def test_contrast_against_roughness(context, measured, height_over_wavelength):
-    """A surface of RMS height h keeps the fraction c = exp(-(4 pi h / w)^2) of the light in step (Goodman 3.2, thesis 2.4). The lens takes
-    all of that, and the part T of the scattered light: r = c / (T (1 - c)), contrast sqrt(1 + 2 r) / (1 + r).
+    """A surface of RMS height h keeps the fraction c = exp(-(4 pi h / w)^2) of the light in step (Goodman 3.2, thesis
+    2.4). The lens takes all of that, and the part T of the scattered light: r = c / (T (1 - c)), contrast sqrt(1 + 2 r)
+    / (1 + r).
 
-    20 frames of 128 x 128 at D = 0.8: known to 0.5 % or better, Student's t at level 1e-3. A height off by 10 % is refused from 0.04 to 0.12
-    wavelengths, where c is neither next to 0 nor to 1.
+    20 frames of 128 x 128 at D = 0.8: known to 0.5 % or better, Student's t at level 1e-3. A height off by 10 % is
+    refused from 0.04 to 0.12 wavelengths, where c is neither next to 0 nor to 1.
     """
     wavelength = 940e-9
     camera = clspeckle.Pipeline.from_parameters(
@@ -129,13 +134,14 @@ def test_contrast_against_roughness(context, measured, height_over_wavelength):
 
 @pytest.mark.parametrize("f_number", [2.0, 2.8, 4.0, 5.6, 8.0, 11.0])
 def test_size_of_a_speckle_against_the_f_number(context, measured, f_number):
-    """Behind a circular pupil the intensity's correlation has the full width at half maximum 1.029 w F and its first zero at 1.220 w F, and
-    covers the area 4 w^2 F^2 / pi (Goodman 4.4). Pixels of 0.9 um, so that the smallest speckle, 1.93 um, spans two of them.
+    """Behind a circular pupil the intensity's correlation has the full width at half maximum 1.029 w F and its first
+    zero at 1.220 w F, and covers the area 4 w^2 F^2 / pi (Goodman 4.4). Pixels of 0.9 um, so that the smallest speckle,
+    1.93 um, spans two of them.
 
-    The mean of 16 frames of 256 x 256, interpolated between pixels by its own Fourier series, which is exact below D = 1 / 2 (F = 2:
-    D = 0.479). Each frame yields a width; the mean is known to 0.3 to 1.2 %. The pupil's discs on the grid of frequencies differ from a circle's
-    area by at most 0.7 % here, a bias that the bound allows. The thesis's radius for a diameter, or w F without the 1.03 (3 %) would be seen but
-    for F = 11.
+    The mean of 16 frames of 256 x 256, interpolated between pixels by its own Fourier series, which is exact below D =
+    1 / 2 (F = 2: D = 0.479). Each frame yields a width; the mean is known to 0.3 to 1.2 %. The pupil's discs on the
+    grid of frequencies differ from a circle's area by at most 0.7 % here, a bias that the bound allows. The thesis's
+    radius for a diameter, or w F without the 1.03 (3 %) would be seen but for F = 11.
     """
     pitch, wavelength, size = 0.9e-6, 940e-9, 256
     state = clspeckle.Phase((size, size), polarization_count=1, seed=904, context=context)
@@ -168,7 +174,8 @@ def test_size_of_a_speckle_against_the_f_number(context, measured, f_number):
         widths.append(
             2 * scipy.optimize.brentq(lambda x, f=found, h=peak / 2: along_x(f, x) - h, 0.1 * scale, 1.0 * scale)
         )
-        # Normalized by the true contrast; the sum over all lags is 0 by the mean's removal, so a disc out to the third ring counts.
+        # Normalized by the true contrast; the sum over all lags is 0 by the mean's removal, so a disc out to the third
+        # ring counts.
         y = np.minimum(np.arange(size), size - np.arange(size))
         disc = np.hypot(*np.meshgrid(y, y)) < 3.238 * scale
         areas.append(found[disc].sum())
@@ -193,9 +200,9 @@ def test_size_of_a_speckle_against_the_f_number(context, measured, f_number):
 @pytest.mark.parametrize("p", [0.0, 1.0])
 @pytest.mark.parametrize("diameter", [0.3, 0.5, 0.8])
 def test_covariance_of_intensities_behind_a_circular_pupil(context, measured, diameter, p):
-    """cov(I1, I2) = <I>^2 (1 + p^2) / 2 |2 J1(pi D r) / (pi D r)|^2 (Goodman 4.3.2) at every lag up to 10 px: 16 frames of 384 x 384.
-    Within 6 standard errors of the frames (Student's t with 15 degrees of freedom, 220 lags, level 2e-3) and 3e-3 for the lattice of
-    frequencies. A diameter off by 5 % is more than 15 standard errors away."""
+    """cov(I1, I2) = <I>^2 (1 + p^2) / 2 |2 J1(pi D r) / (pi D r)|^2 (Goodman 4.3.2) at every lag up to 10 px: 16 frames
+    of 384 x 384. Within 6 standard errors of the frames (Student's t with 15 degrees of freedom, 220 lags, level 2e-3)
+    and 3e-3 for the lattice of frequencies. A diameter off by 5 % is more than 15 standard errors away."""
     camera = Camera(context, diameter, p, size=384, seed=905)
     reach = np.arange(-10, 11)
     found = np.array([each[np.ix_(reach, reach)] for each in correlation(camera.frames(16))])
@@ -212,9 +219,10 @@ def test_covariance_of_intensities_behind_a_circular_pupil(context, measured, di
 
 
 def test_higher_moments_of_two_intensities(context, measured):
-    """Two points with the coherence factor mu: <I1^2 I2^2> = 4 (1 + 4 |mu|^2 + |mu|^4), <I1 I2^2> = 2 (1 + 2 |mu|^2), by the moment theorem of
-    circular Gaussian fields (Goodman 2.8), at distances 1 to 3 px at D = 0.5, where |mu|^2 is 0.52, 0.02 and 0.01. 24 frames of
-    384 x 384, known to 1 %; a field that is not Gaussian, the same |mu| with unit phasors at D = 1, misses <I^4> = 24 by more than half."""
+    """Two points with the coherence factor mu: <I1^2 I2^2> = 4 (1 + 4 |mu|^2 + |mu|^4), <I1 I2^2> = 2 (1 + 2 |mu|^2),
+    by the moment theorem of circular Gaussian fields (Goodman 2.8), at distances 1 to 3 px at D = 0.5, where |mu|^2 is
+    0.52, 0.02 and 0.01. 24 frames of 384 x 384, known to 1 %; a field that is not Gaussian, the same |mu| with unit
+    phasors at D = 1, misses <I^4> = 24 by more than half."""
     camera = Camera(context, 0.5, 1.0, size=384, seed=906)
     mu = np.abs(theory.field_correlation(camera.pupil)) ** 2
     third, fourth = [], []

@@ -146,7 +146,7 @@ def test_the_examples_of_a_description_can_be_pasted(check, tmp_path: Path, desc
     description["laser"] = json.loads(laser[1])
     check()
     description["sequences"][1]["scene"] = "dots"
-    assert 'add it (the design of the pattern, or centroids of the mean image)' in check(code=1)
+    assert "add it (the design of the pattern, or centroids of the mean image)" in check(code=1)
     description["dots"] = {}
     assert "/dots/sigma_px is missing" in check(code=1)
     description["dots"] = {"sigma_px": 2, "positions_px": []}

@@ -35,8 +35,8 @@ def test_a_made_set_is_what_the_options_say(cli: Cli, tmp_path: Path) -> None:
 
 def test_fixed_patterns_are_the_same_in_all_sequences(cli: Cli, tmp_path: Path) -> None:
     """DSNU of 5 DN against 3 / sqrt(6) DN of averaged noise: two maps correlate to 25 / (25 + 1.5) = 0.94."""
-    cli("capture", "make", "set", *SMALL, "--sequences", "dark,flat", "--read-noise-dn", 3, "--effect", "dsnu:sigma_dn=5",
-        "--key")  # fmt: skip
+    cli("capture", "make", "set", *SMALL, "--sequences", "dark,flat", "--read-noise-dn", 3, "--effect",
+        "dsnu:sigma_dn=5", "--key")  # fmt: skip
     maps = [np.load(tmp_path / "set" / f"{name}.npy").mean(axis=0).ravel() for name in ("dark", "flat")]
     assert np.corrcoef(*maps)[0, 1] > 0.9
     key = json.loads((tmp_path / "set" / "key.json").read_text())
@@ -66,7 +66,8 @@ def test_a_wall_goes_on_beyond_a_lens_that_distorts_it(cli: Cli, tmp_path: Path)
 
 
 def test_a_lens_whose_speckle_is_finer_than_the_pixels(cli: Cli, tmp_path: Path) -> None:
-    """D = 1.54 at f/2: pixels see points, an exponential law. 11,520 nearly independent ones: the share is good to 0.002."""
+    """D = 1.54 at f/2: pixels see points, an exponential law. 11,520 nearly independent ones: the share is good to
+    0.002."""
     cli("capture", "make", "set", *SMALL, "--sequences", "board_moving", "--board-level", 150, "--read-noise-dn", 0,
         "--f-number", 2)  # fmt: skip
     light = np.load(tmp_path / "set" / "board_moving.npy").astype(np.float64) - 64
@@ -124,8 +125,10 @@ def test_bad_input(cli: Cli, tmp_path: Path) -> None:
     assert "gamma is given twice" in cli("capture", "make", "new", *twice, code=1).stderr
     hidden = ("--sequences", "flat", "--effect", "lens_distortion")
     assert "shows with dots alone" in cli("capture", "make", "new", *hidden, code=1).stderr
-    assert "there is no \"moon\"" in cli("capture", "make", "new", "--sequences", "moon", code=1).stderr
-    assert "--flat-level: the level of flat is -3 DN" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
+    assert 'there is no "moon"' in cli("capture", "make", "new", "--sequences", "moon", code=1).stderr
+    assert (
+        "--flat-level: the level of flat is -3 DN" in cli("capture", "make", "new", "--flat-level", -3, code=1).stderr
+    )
     for option, value, expected in (
         ("--bits", 20, "an integer from 8 to 16"),
         ("--frames", 0, "an integer from 1 to 65535"),
@@ -147,8 +150,11 @@ def test_bad_input(cli: Cli, tmp_path: Path) -> None:
     assert "unit_phasor" in cli("capture", "make", "new", "--field", "gaussian", code=1).stderr
     shown = cli("capture", "make", "new", "--black-level-dn", 2000, code=1).stderr
     assert "/camera/black_level_dn is 2000" in shown and "CLSP_" not in shown and "clspCapture" not in shown
-    assert "nearest one is --frames (see clspeckle capture make --help)" in cli("capture", "make", "x", "--frame", 3, code=1).stderr
-    assert "nearest one is \"check\"" in cli("capture", "chek", code=1).stderr
+    assert (
+        "nearest one is --frames (see clspeckle capture make --help)"
+        in cli("capture", "make", "x", "--frame", 3, code=1).stderr
+    )
+    assert 'nearest one is "check"' in cli("capture", "chek", code=1).stderr
     assert "does not exist" in cli("capture", "check", "nowhere", code=1).stderr
     assert "name a file" in cli("capture", "check", "there", "--json", "", code=1).stderr
     assert "no capture.json" in cli("capture", "check", "there", code=1).stderr
@@ -171,7 +177,9 @@ def test_a_bad_set_says_what_to_do(cli: Cli, tmp_path: Path) -> None:
             assert word in shown, f"{word} is not in: {shown}"
         assert shown.count("\n") == 1, shown
 
-    field = f"capture.json: /sequences/{number}/file names it; expected there is an .npy stack of (frames, height, width)"
+    field = (
+        f"capture.json: /sequences/{number}/file names it; expected there is an .npy stack of (frames, height, width)"
+    )
     for array, words in ((objects, "Python objects"), (dark[:0], "empty array")):
         np.save(tmp_path / "set" / "dark.npy", array, allow_pickle=True)
         said("dark.npy: ", words, field, "or take the sequence out")

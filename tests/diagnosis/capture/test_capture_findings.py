@@ -1,4 +1,5 @@
-"""What `capture check` finds in codes: stretched and missing ones, odd pixels, mosaics, frames apart, and that it finds nothing in clean sets.
+"""What `capture check` finds in codes: stretched and missing ones, odd pixels, mosaics, frames apart, and that it finds
+nothing in clean sets.
 
 Sets are made with NumPy alone. Every advice that a message gives is followed here."""
 
@@ -93,7 +94,8 @@ def kinds(warnings: list[dict[str, Any]]) -> list[str]:
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_clean_sets_have_no_finding(found, bits: int) -> None:
-    """100 sets in all: bits of the converter, one to forty frames, noise from a third of a code on, fixed patterns, fall-off."""
+    """100 sets in all: bits of the converter, one to forty frames, noise from a third of a code on, fixed patterns,
+    fall-off."""
     for seed in range(25):
         random = np.random.default_rng(1000 * bits + seed)
         scale = 2.0 ** (bits - 10)
@@ -174,7 +176,9 @@ def test_stretched_codes_are_told_and_taken_back(found, kind: str, described: bo
     assert kinds(warnings) == ["stretched_codes"], warnings
     text = warnings[0]["text"]
     assert re.search(r"\d+ of \d+ codes (from \d+ to \d+ )?never occur", text)
-    advice = re.search(r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text)
+    advice = re.search(
+        r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text
+    )
     assert advice, text
     back = {name: np.rint(eval(advice[1], {"codes": codes})) for name, codes in stretched.items()}
     for name, codes in back.items():
@@ -217,7 +221,9 @@ def test_gains_about_any_code_are_taken_back(found, kind: str, light: float) -> 
     (text,) = [w["text"] for w in told]
     advice = re.search(
         r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text
-    ) or re.search(r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text)
+    ) or re.search(
+        r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text
+    )
     assert advice, text
     divide = re.search(r"ivide the codes by (\d+)", text)
     back = {name: np.rint(eval(advice[1], {"codes": codes}) / int(divide[1] if divide else 1))
@@ -233,7 +239,8 @@ def test_gains_about_any_code_are_taken_back(found, kind: str, light: float) -> 
 @pytest.mark.parametrize("gain", [1.3, 1.9, 2.0, 2.2, 3.0, 4.0])
 @pytest.mark.parametrize("end", [600, 900, 1000])
 def test_a_full_well_below_the_top_code_is_no_offset(found, gain: float, end: int) -> None:
-    """A gain alone explains such codes; that their light is clipped below the top code is told once they are taken back."""
+    """A gain alone explains such codes; that their light is clipped below the top code is told once they are taken
+    back."""
     arrays, camera = recorded(7, frames=16)
     random = np.random.default_rng(5)
     for name in ("board_static", "board_moving"):
@@ -245,7 +252,9 @@ def test_a_full_well_below_the_top_code_is_no_offset(found, gain: float, end: in
                if w["kind"] in ("stretched_codes", "upper_bits")]  # fmt: skip
     advice = re.search(
         r"numpy\.rint\((.*)\)\.astype\(numpy\.uint16\), bits (\d+), black_level_dn (\S+) and read_noise_dn (\S+)$", text
-    ) or re.search(r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text)
+    ) or re.search(
+        r"ivide the (codes) by \d+.* bits to (\d+), black_level_dn to (\S+) and read_noise_dn to (\S+)$", text
+    )
     assert advice, text
     divide = re.search(r"ivide the codes by (\d+)", text)
     for name, codes in stretched.items():
@@ -273,7 +282,8 @@ def test_where_storage_clips_no_code_is_the_converters_top(found, gain: float) -
 
 
 def test_multiples_of_a_power_of_two_that_end_elsewhere(found) -> None:
-    """In words of 16 bits codes may stand in the upper bits: that light is clipped below the top code is told beside."""
+    """In words of 16 bits codes may stand in the upper bits: that light is clipped below the top code is told
+    beside."""
     arrays, camera = recorded(7, frames=16)
     bright = {name: np.minimum(codes * (2 if name.startswith("board") else 1), 900) for name, codes in arrays.items()}
     given = {"bits": 16, "black_level_dn": 64 * 64, "read_noise_dn": 256}
@@ -397,7 +407,9 @@ def test_noise_below_half_a_code_is_no_denoising(found, noise: float) -> None:
     for seed, level in enumerate((64.0, 64.2, 64.5)):
         random = np.random.default_rng(seed)
         dark = np.rint(random.normal(level, noise, (8, *SHAPE)))
-        assert "read_noise" not in kinds(found({"dark": dark}, {"bits": 10, "black_level_dn": 64, "read_noise_dn": noise}))
+        assert "read_noise" not in kinds(
+            found({"dark": dark}, {"bits": 10, "black_level_dn": 64, "read_noise_dn": noise})
+        )
     for wrong in (4 * max(noise, 0.5), 8.0) if noise > 0 else ():
         told = found({"dark": np.rint(np.random.default_rng(9).normal(64.5, noise, (8, *SHAPE)))}, {
             "bits": 10, "black_level_dn": 64, "read_noise_dn": wrong})  # fmt: skip
@@ -409,7 +421,9 @@ def test_a_gamma_table_and_codes_that_a_converter_misses(found) -> None:
     table = np.rint(1023 * (np.arange(1024) / 1023) ** (1 / 2.2))
     warnings = found({name: table[codes] for name, codes in arrays.items()}, camera)
     # What is multiples of two in the dark follows from the same table.
-    assert [kind for kind in kinds(warnings) if kind not in ("black_level", "read_noise")] == ["missing_codes"], warnings
+    assert [kind for kind in kinds(warnings) if kind not in ("black_level", "read_noise")] == ["missing_codes"], (
+        warnings
+    )
     lost = np.random.default_rng(8).permutation(1023)[:80]
     warnings = found({name: np.where(np.isin(codes, lost), codes + 1, codes) for name, codes in arrays.items()}, camera)
     assert kinds(warnings) == ["missing_codes"], warnings
@@ -438,7 +452,10 @@ def test_codes_that_are_clipped_below_the_top(found) -> None:
         assert f" have the code {most}," in told["text"] and "the top code, 1023" in told["text"]
         assert "board_static" in told["text"] and "flat" not in told["text"]
         # Less light, which stays below.
-        less = {name: codes if name == "dark" else np.minimum(64 + (codes - 64.0) * 0.3, most) for name, codes in arrays.items()}
+        less = {
+            name: codes if name == "dark" else np.minimum(64 + (codes - 64.0) * 0.3, most)
+            for name, codes in arrays.items()
+        }
         assert "clipped_below_top" not in kinds(found({name: np.rint(codes) for name, codes in less.items()}, camera))
     assert "clipped_below_top" not in kinds(found(arrays, camera)), "at the top code it is saturation"
 
@@ -499,9 +516,11 @@ def test_odd_places_are_named_and_a_mask_leaves_them_out(cli: Cli, found, tmp_pa
     assert [b["rows"] for b in warnings[0]["pixels"]] == rows
     assert [b["columns"] for b in warnings[0]["pixels"]] == columns
 
-    command, name = re.search(r"`clspeckle (capture check FOLDER --write-mask FOLDER/(\S+))`", warnings[0]["text"]).groups()  # type: ignore[union-attr]
+    command, name = re.search(
+        r"`clspeckle (capture check FOLDER --write-mask FOLDER/(\S+))`", warnings[0]["text"]
+    ).groups()  # type: ignore[union-attr]
     printed = cli(*command.replace("FOLDER", "set").split()).stdout
-    assert f'set/{name}: ' in printed and f'"mask": "{name}"' in printed
+    assert f"set/{name}: " in printed and f'"mask": "{name}"' in printed
     mask = iio.imread(tmp_path / "set" / name)
     assert mask.dtype == np.uint8 and mask.shape == SHAPE
     (r, s), (c, d) = rows[0], columns[0]
@@ -558,7 +577,9 @@ def test_single_pixels_are_counted(found) -> None:
     (warning,) = [w for w in found(arrays, camera) if w["kind"] == "odd_pixels"]
     assert "12 single pixels (0.39 %) are not like the others" in warning["text"], warning["text"]
     assert "4 darker" in warning["text"]
-    assert sorted((p["rows"][0], p["columns"][0]) for p in warning["pixels"]) == sorted(zip(rows.tolist(), columns.tolist()))
+    assert sorted((p["rows"][0], p["columns"][0]) for p in warning["pixels"]) == sorted(
+        zip(rows.tolist(), columns.tolist())
+    )
 
 
 def test_a_pixel_of_one_frame_is_told_and_a_mask_leaves_it_out(cli: Cli, found, tmp_path: Path) -> None:
@@ -588,7 +609,9 @@ def test_what_no_raw_frames_show(found, fault: str) -> None:
     still = arrays["board_static"]
     if fault == "smoothed":
         told = found({name: smoothed(codes.astype(float)) for name, codes in arrays.items()}, camera)
-        assert ("denoised", "dark, flat") in [(w["kind"], w["text"].partition("(in ")[2].partition(")")[0]) for w in told]
+        assert ("denoised", "dark, flat") in [
+            (w["kind"], w["text"].partition("(in ")[2].partition(")")[0]) for w in told
+        ]
         return
     if fault == "averaged":
         camera = {**camera, "read_noise_dn": 2.8}
@@ -626,7 +649,9 @@ def test_all_sequences_name_one_site(found, seed: int) -> None:
     """Of rows with gains of their own two sites are alike, of which chance would choose another in each sequence."""
     arrays, camera = recorded(seed, frames=16, shape=(64, 96))
     rows = np.where(np.arange(64) % 2, 0.95, 1.0)[:, None]
-    told = found({name: np.rint((codes - 64.0) * (1 if name == "dark" else rows) + 64) for name, codes in arrays.items()}, camera)
+    told = found(
+        {name: np.rint((codes - 64.0) * (1 if name == "dark" else rows) + 64) for name, codes in arrays.items()}, camera
+    )
     (warning,) = [w for w in told if w["kind"] == "mosaic"]
     assert len(re.findall(r"codes\[:, 0::2, \d::2\]", warning["text"])) == 1
 
@@ -679,7 +704,11 @@ def test_a_staircase_is_steps_and_a_smooth_drift_is_none(found) -> None:
     for steps in ((6, 12), (3, 8, 14)):
         (warning,) = lit(1 - 0.05 * np.searchsorted(steps, np.arange(18), side="right"))
         assert (warning["kind"], warning["frames"]) == ("level_steps", list(steps)), warning
-    for smooth in (0.9 + 0.1 * np.linspace(0, 1, 18), 1 - 0.3 * np.exp(-np.arange(18) / 5), 1 + 0.05 * np.sin(np.arange(18) / 3)):
+    for smooth in (
+        0.9 + 0.1 * np.linspace(0, 1, 18),
+        1 - 0.3 * np.exp(-np.arange(18) / 5),
+        1 + 0.05 * np.sin(np.arange(18) / 3),
+    ):
         (warning,) = lit(smooth)
         assert (warning["kind"], warning["frames"]) == ("level_drifts", []), warning
     assert lit(np.ones(18)) == []

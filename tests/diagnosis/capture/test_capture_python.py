@@ -121,7 +121,14 @@ def test_folders_globs_and_single_files(codes: Draw, tmp_path: Path) -> None:
     np.save(folder / "big_endian.npy", stack.astype(">u2"))
     np.save(folder / "fortran.npy", np.asfortranarray(stack))
     (folder / "mask.png").write_bytes(png(np.full((16, 24), 255, np.uint8)))
-    names = {"png": "png", "glob": "png/*.png", "tif": "tif", "one": "one.png", "be": "big_endian.npy", "f": "fortran.npy"}
+    names = {
+        "png": "png",
+        "glob": "png/*.png",
+        "tif": "tif",
+        "one": "one.png",
+        "be": "big_endian.npy",
+        "f": "fortran.npy",
+    }
     entries = [{"name": n, "file": f, "scene": "flat", "mask": "mask.png"} for n, f in names.items()]
     describe(folder, entries)
     read = clspeckle.Capture.open(folder).sequences
@@ -144,7 +151,9 @@ def test_messages_name_the_frame_of_the_sequence(codes: Draw, tmp_path: Path) ->
         clspeckle.Capture.open(folder)
     np.save(folder / "real.npy", np.full((2, 16, 24), np.nan, np.float32))
     describe(folder, [{"name": "flat", "file": "real.npy", "scene": "flat"}])
-    with pytest.raises(errors.InvalidDataError, match=r"real\.npy: .*type float32; expected uint16: codes are whole.*NaN"):
+    with pytest.raises(
+        errors.InvalidDataError, match=r"real\.npy: .*type float32; expected uint16: codes are whole.*NaN"
+    ):
         clspeckle.Capture.open(folder)
 
 
@@ -157,7 +166,9 @@ def test_eight_bit_frames(codes: Draw, tmp_path: Path) -> None:
     describe(folder, entries, camera={"bits": 8, "black_level_dn": 16.0})
     assert np.array_equal(clspeckle.Capture.open(folder).sequences["flat"].codes, frame[np.newaxis])
     describe(folder, entries)
-    with pytest.raises(errors.InvalidDataError, match=r"a\.png: has samples of type uint8; expected uint16 for codes of 10 bits"):
+    with pytest.raises(
+        errors.InvalidDataError, match=r"a\.png: has samples of type uint8; expected uint16 for codes of 10 bits"
+    ):
         clspeckle.Capture.open(folder)
     np.save(folder / "b.npy", np.full((2, 16, 24), 256, np.uint16))
     describe(folder, [{"name": "flat", "file": "b.npy", "scene": "flat"}], camera={"bits": 8, "black_level_dn": 16.0})
@@ -195,7 +206,12 @@ def test_what_a_set_can_tell_apart(codes: Draw) -> None:
 
     whole = of(list(arrays))
     lost = {
-        "dark": {"offset and read noise", "absolute speckle contrast", "black level or ambient light", "laser lines or depolarization"},
+        "dark": {
+            "offset and read noise",
+            "absolute speckle contrast",
+            "black level or ambient light",
+            "laser lines or depolarization",
+        },
         "flat": {"pixel response (PRNU) or speckle that stays"},
     }
     for missing, expected in lost.items():
@@ -231,7 +247,10 @@ def test_what_a_set_can_tell_apart(codes: Draw) -> None:
 
 def test_dark_current_shows_at_two_exposure_times(codes: Draw) -> None:
     def summary(*times: int) -> dict[str, Any]:
-        dark = {f"dark_{i}": clspeckle.CaptureSequence(codes(2, 64, i), "dark", exposure_ms=ms) for i, ms in enumerate(times)}
+        dark = {
+            f"dark_{i}": clspeckle.CaptureSequence(codes(2, 64, i), "dark", exposure_ms=ms)
+            for i, ms in enumerate(times)
+        }
         return clspeckle.Capture.from_arrays(dark).summary()
 
     for times, can in (((1, 20), True), ((20, 20), False), ((20,), False)):
@@ -271,7 +290,9 @@ def test_bad_arguments(codes: Draw) -> None:
         make({})
     with pytest.raises(errors.InvalidFormatError, match="float64"):
         make({"dark": codes(2, 64) / 2.0})
-    with pytest.raises(errors.InvalidArgumentError, match=r"shape \(0, 16, 24\), expected .* it is empty, give at least"):
+    with pytest.raises(
+        errors.InvalidArgumentError, match=r"shape \(0, 16, 24\), expected .* it is empty, give at least"
+    ):
         make({"dark": codes(2, 64)[:0]})
     with pytest.raises(errors.InvalidArgumentError, match="shape"):
         make({"dark": codes(2, 64)[0, 0]})

@@ -1,4 +1,5 @@
-"""`clspeckle capture emva` and `diagnose --emva`: a known camera; the real sets of CONTRIBUTING.md; the package's XML."""
+"""`clspeckle capture emva` and `diagnose --emva`: a known camera; the real sets of CONTRIBUTING.md; the package's
+XML."""
 
 from __future__ import annotations
 
@@ -26,15 +27,11 @@ def camera(folder: Path) -> Path:
 
     def frames(electrons: float) -> np.ndarray[Any, np.dtype[np.uint16]]:
         light = draw.poisson(electrons * gains, (4, 64, 96))
-        return np.rint(
-            np.clip(64 + GAIN * light + draw.normal(0, NOISE, light.shape), 0, 1023)
-        ).astype(np.uint16)
+        return np.rint(np.clip(64 + GAIN * light + draw.normal(0, NOISE, light.shape), 0, 1023)).astype(np.uint16)
 
     levels = {"dark": 0, "flat_1": 500, "flat_2": 1000, "flat_3": 1800, "flat_4": 2500}
     recorded = {
-        name: clspeckle.CaptureSequence(
-            frames(level), scene=name.split("_")[0], exposure_ms=1 + level / 100
-        )
+        name: clspeckle.CaptureSequence(frames(level), scene=name.split("_")[0], exposure_ms=1 + level / 100)
         for name, level in levels.items()
     }
     clspeckle.Capture.from_arrays(recorded, camera={"bits": 10}).write(folder)
@@ -45,9 +42,7 @@ def package_results(text: str) -> dict[str, dict[str, float | None]]:
     """As the package's xml_to_dict() reads them: sections, names in small letters, a value in each."""
     return {
         section.tag: {
-            method.tag.lower(): None
-            if (value := method.findtext("value")) == "None"
-            else float(str(value))
+            method.tag.lower(): None if (value := method.findtext("value")) == "None" else float(str(value))
             for method in section
         }
         for section in ElementTree.fromstring(text)
@@ -57,9 +52,7 @@ def package_results(text: str) -> dict[str, dict[str, float | None]]:
 def test_numbers_of_a_known_camera(cli: Cli, tmp_path: Path) -> None:
     """Each quantity within 4 standard errors by its own interval; PRNU of 6144 pixels is good to 1 %."""
     camera(tmp_path / "set")
-    printed = cli(
-        "capture", "emva", "set", "--json", "emva.json", "--xml", "emva.xml"
-    ).stdout
+    printed = cli("capture", "emva", "set", "--json", "emva.json", "--xml", "emva.xml").stdout
     emva = json.loads((tmp_path / "emva.json").read_text())
     values = emva["values"]
     truth = {
@@ -75,9 +68,7 @@ def test_numbers_of_a_known_camera(cli: Cli, tmp_path: Path) -> None:
             values[name],
         )
     assert emva["gain_method"] == "flats" and len(emva["photon_transfer"]) == 5
-    assert all(
-        ("unknown" in entry) == (entry["value"] is None) for entry in values.values()
-    )
+    assert all(("unknown" in entry) == (entry["value"] is None) for entry in values.values())
     assert "system_gain" in printed and "Not known: " in printed and "flat_4" in printed
     assert clspeckle.Capture.open(tmp_path / "set").emva1288() == emva
     assert json.loads(cli("capture", "emva", "set", "--json", "-").stdout) == emva
@@ -90,13 +81,8 @@ def test_numbers_of_a_known_camera(cli: Cli, tmp_path: Path) -> None:
         "dark_current",
         "spatial",
     }
-    assert results["sensitivity"]["k"] == pytest.approx(
-        values["system_gain"]["value"], abs=1e-5
-    )
-    assert (
-        results["sensitivity"]["qe"] is None
-        and results["sensitivity"]["u_e_sat"] is None
-    )
+    assert results["sensitivity"]["k"] == pytest.approx(values["system_gain"]["value"], abs=1e-5)
+    assert results["sensitivity"]["qe"] is None and results["sensitivity"]["u_e_sat"] is None
     assert results["spatial"]["prnu1288_pixel"] == pytest.approx(100 * PRNU, rel=0.05)
 
 
@@ -151,26 +137,16 @@ def test_a_diagnosis_repeats_them(cli: Cli, tmp_path: Path) -> None:
     printed = cli("diagnose", "set", "--json", "report.json", "--html", "report.html", "--emva", "emva.xml",
         "--max-effects", 1, "--replicates", 12).stdout  # fmt: skip
     capture = clspeckle.Capture.open(tmp_path / "set")
-    assert (
-        json.loads((tmp_path / "report.json").read_text())["emva1288"]
-        == capture.emva1288()
-    )
+    assert json.loads((tmp_path / "report.json").read_text())["emva1288"] == capture.emva1288()
     assert (tmp_path / "emva.xml").read_text() == capture.emva1288_xml()
     assert "EMVA 1288, of the frames alone: system_gain 0.25" in printed
     assert 'id="emva1288"' in (tmp_path / "report.html").read_text()
 
 
-def test_what_cannot_be_written_is_told_before_the_work(
-    cli: Cli, tmp_path: Path
-) -> None:
+def test_what_cannot_be_written_is_told_before_the_work(cli: Cli, tmp_path: Path) -> None:
     camera(tmp_path / "set")
-    assert (
-        "does not exist"
-        in cli("diagnose", "set", "--emva", "none/emva.xml", code=3).stderr
-    )
-    assert (
-        "none" in cli("capture", "emva", "set", "--xml", "none/emva.xml", code=3).stderr
-    )
+    assert "does not exist" in cli("diagnose", "set", "--emva", "none/emva.xml", code=3).stderr
+    assert "none" in cli("capture", "emva", "set", "--xml", "none/emva.xml", code=3).stderr
 
 
 def test_real_ccd() -> None:
@@ -181,11 +157,7 @@ def test_real_ccd() -> None:
     emva = clspeckle.Capture.open(DATA / "emva_ccd").emva1288()
     values = emva["values"]
     assert values["system_gain"]["value"] == pytest.approx(0.2801, rel=0.01)
-    assert (
-        values["system_gain"]["interval"][0]
-        < 0.2801
-        < values["system_gain"]["interval"][1]
-    )
+    assert values["system_gain"]["interval"][0] < 0.2801 < values["system_gain"]["interval"][1]
     assert values["dark_noise"]["value"] == pytest.approx(3.07, rel=0.01)
     recorded = emva["section_8"]["as_recorded"]
     assert recorded["prnu_percent"]["total"] == pytest.approx(0.2947494, rel=0.005)
@@ -194,14 +166,13 @@ def test_real_ccd() -> None:
     assert recorded["prnu_percent"]["column"] == pytest.approx(0.0165006, rel=0.005)
     assert recorded["dsnu_dn"]["total"] == pytest.approx(0.0266429, rel=0.005)
     # Without the lamp's slope, nothing of the rows' 0.155 % is left.
-    assert values["prnu_row"]["value"] < 0.04 and values["prnu_pixel"][
-        "value"
-    ] == pytest.approx(0.25, rel=0.02)
+    assert values["prnu_row"]["value"] < 0.04 and values["prnu_pixel"]["value"] == pytest.approx(0.25, rel=0.02)
 
 
 def test_real_laser() -> None:
-    """Dark frames of which half are 0; photon noise of speckle that drifts. Beyond the grain's band, at 0.42 to 0.7 cycles
-    per pixel, differences of frames have 0.946 of 70 + 1.30 DN mean, whatever their distance: 1.23 DN per electron."""
+    """Dark frames of which half are 0; photon noise of speckle that drifts. Beyond the grain's band, at 0.42 to 0.7
+    cycles per pixel, differences of frames have 0.946 of 70 + 1.30 DN mean, whatever their distance: 1.23 DN per
+    electron."""
     if not (DATA / "laser_board").is_dir():
         pytest.skip("CLSPECKLE_TEST_DATA names no folder of published images")
     emva = clspeckle.Capture.open(DATA / "laser_board").emva1288()

@@ -130,8 +130,9 @@ TEST(FrameChanges, StepsOfTheLevelAreToldWithTheirFrame) {
                         return image;
                     }),
                     {"the level steps", where});
-        expect_says(capture_of(CaptureScene::kBoard, true, frames, random, [&](auto t) { return speckle(random, level(t)); }),
-                    {"the level steps", where});
+        expect_says(
+            capture_of(CaptureScene::kBoard, true, frames, random, [&](auto t) { return speckle(random, level(t)); }),
+            {"the level steps", where});
     }
 }
 
@@ -153,8 +154,8 @@ TEST(FrameChanges, WeakStepsAndDriftsOfALampAreTold) {
 // Lines from four frames on, exposures that settle from eight.
 TEST(FrameChanges, DriftsOfFewFramesAreTold) {
     std::mt19937_64 random(46);
-    // With 4 of noise in 1200 pixels the t of four frames is above its bound in 81 % of draws; 40 give fewer than 20 with
-    // a probability below 1e-5.
+    // With 4 of noise in 1200 pixels the t of four frames is above its bound in 81 % of draws; 40 give fewer than 20
+    // with a probability below 1e-5.
     int told = 0;
     for (int i = 0; i < 40; ++i)
         told += said(capture_of(CaptureScene::kFlat, false, 4, random, [](auto t) { return even(1.0 + 0.2 * t); }))
@@ -163,8 +164,9 @@ TEST(FrameChanges, DriftsOfFewFramesAreTold) {
     for (const std::uint32_t frames : {5u, 6u, 8u, 10u, 12u})
         for (int i = 0; i < 10; ++i) {
             const double step = i % 2 ? 0.2 : -0.65 / frames;
-            expect_says(capture_of(CaptureScene::kFlat, false, frames, random, [&](auto t) { return even(1.0 + step * t); }),
-                        {"the level drifts", "in frame"});
+            expect_says(
+                capture_of(CaptureScene::kFlat, false, frames, random, [&](auto t) { return even(1.0 + step * t); }),
+                {"the level drifts", "in frame"});
             const double times = 1.0 + 0.3 * i; // frames
             if (frames >= 8)
                 expect_says(capture_of(CaptureScene::kFlat, false, frames, random,
@@ -204,8 +206,9 @@ TEST(FrameChanges, FlickerOfFewFramesIsNoDrift) {
 
 TEST(FrameChanges, FramesThatAreNotLikeTheOthersAreTold) {
     std::mt19937_64 random(41);
-    expect_says(capture_of(CaptureScene::kBoard, true, 16, random, [&](auto t) { return speckle(random, t % 2 ? 0.01 : 1.0); }),
-                {"8 of 16 frames (1, 3, 5, 7, 9, 11 and 2 more)", "have no light", "take codes[0::2]"});
+    expect_says(
+        capture_of(CaptureScene::kBoard, true, 16, random, [&](auto t) { return speckle(random, t % 2 ? 0.01 : 1.0); }),
+        {"8 of 16 frames (1, 3, 5, 7, 9, 11 and 2 more)", "have no light", "take codes[0::2]"});
     const Image still = speckle(random);
     expect_says(capture_of(CaptureScene::kBoard, false, 12, random, [&](auto t) { return t == 5 ? even(0.6) : still; }),
                 {"1 of 12 frames (5)"});
@@ -228,8 +231,9 @@ TEST(FrameChanges, AnotherSceneIsTold) {
         }
         for (double &value : second)
             value *= levels[0] / levels[1];
-        expect_says(capture_of(CaptureScene::kBoard, false, frames, random, [&](auto t) { return t < at ? first : second; }),
-                    {"changes at frame " + std::to_string(at) + ":"});
+        expect_says(
+            capture_of(CaptureScene::kBoard, false, frames, random, [&](auto t) { return t < at ? first : second; }),
+            {"changes at frame " + std::to_string(at) + ":"});
     }
     // Of a moving scene only its contrast: half of the light without speckle.
     expect_says(capture_of(CaptureScene::kBoard, true, 20, random, [&](auto t) {
@@ -275,8 +279,8 @@ TEST(FrameChanges, StepsOfTheNoiseAreToldWithTheirFrame) {
 
 TEST(FrameChanges, NoiseThatDriftsOrAlternatesIsTold) {
     std::mt19937_64 random(49);
-    // The text is followed by a deviation: of 1200 pixels of a frame, less their rows and columns, good to 2.3 %. Pixels
-    // with four times the usual variance are left out, which one noisy frame makes of some.
+    // The text is followed by a deviation: of 1200 pixels of a frame, less their rows and columns, good to 2.3 %.
+    // Pixels with four times the usual variance are left out, which one noisy frame makes of some.
     const auto number = [](const std::string &text, const char *before) {
         const std::size_t at = text.find(before);
         return at == std::string::npos ? 0.0 : std::stod(text.substr(at + std::string(before).size()));

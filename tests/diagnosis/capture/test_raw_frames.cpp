@@ -343,8 +343,9 @@ TEST(RawFrames, TornFramesAreToldWithTheirRows) {
         ASSERT_EQ(1u, warnings.size()) << draw;
         EXPECT_EQ("torn_frames", std::string(warnings[0].kind));
         EXPECT_EQ(std::vector<std::size_t>{at}, warnings[0].frames) << warnings[0].text;
-        const std::string place = "in frame " + std::to_string(at) + " rows " + std::to_string(upper ? 0 : kHeight - rows) +
-                                  " to " + std::to_string(upper ? rows - 1 : kHeight - 1) + " ";
+        const std::string place = "in frame " + std::to_string(at) + " rows " +
+                                  std::to_string(upper ? 0 : kHeight - rows) + " to " +
+                                  std::to_string(upper ? rows - 1 : kHeight - 1) + " ";
         EXPECT_NE(warnings[0].text.find(place), std::string::npos) << warnings[0].text;
     }
 }

@@ -94,7 +94,8 @@ TEST(Work, CountsWholeCaptures) {
         EXPECT_DOUBLE_EQ(runner.work(), 3.0);
         runner.replicates({}, levels, {1, 2, 3}, {});
         EXPECT_DOUBLE_EQ(runner.work(), 6.0);
-        // Two polarizations of the moving board: 2 12 + 2 12 + (2 12 + 24) for frames and patterns instead of 2 12 + 2 12 + (2 12 + 12).
+        // Two polarizations of the moving board: 2 12 + 2 12 + (2 12 + 24) for frames and patterns instead of 2 12 + 2
+        // 12 + (2 12 + 12).
         runner.replicates({{"depolarization", {0.5}}}, levels, {4}, {});
         EXPECT_DOUBLE_EQ(runner.work(), 6.0 + 96.0 / 84.0);
         runner.halves({}, levels, {5, 6}, {false, true, false}, {});

@@ -1,5 +1,5 @@
-// Parameters and their intervals where changes of the statistics are hard to tell: of an effect that is a few draws itself, and where
-// statistics bend sharply. Captures of the simulator's own.
+// Parameters and their intervals where changes of the statistics are hard to tell: of an effect that is a few draws
+// itself, and where statistics bend sharply. Captures of the simulator's own.
 #include "diagnosis/inference/attribution_support.hpp"
 #include "inference/model_fit.hpp"
 
@@ -47,8 +47,8 @@ Held intervals_of(const CaptureLayout &layout, const std::string &id, double val
     return result;
 }
 
-// Twelve powers of a laser say its scatter to 1 / sqrt(2 * 11) = 21 %. Of 20 intervals of 95 %, 16 or more hold the truth in 99.7 % of
-// all cases; of intervals that hold in 70 %, in 24 % (by the changes that the fit went by 12 do).
+// Twelve powers of a laser say its scatter to 1 / sqrt(2 * 11) = 21 %. Of 20 intervals of 95 %, 16 or more hold the
+// truth in 99.7 % of all cases; of intervals that hold in 70 %, in 24 % (by the changes that the fit went by 12 do).
 TEST(Parameters, OfPowerThatFlickers) {
     CaptureLayout layout = small_layout();
     layout.sequences.back().moving = false; // the grain of a moving board flickers more
@@ -58,8 +58,8 @@ TEST(Parameters, OfPowerThatFlickers) {
     EXPECT_NEAR(0.0, intervals.mean_log, 0.25);
 }
 
-// Light is cut just below half of the range, above which pixels are counted: a well a little larger would have them all counted. Of 10
-// intervals of 95 %, 7 or more hold the truth in 99.9 % of all cases.
+// Light is cut just below half of the range, above which pixels are counted: a well a little larger would have them all
+// counted. Of 10 intervals of 95 %, 7 or more hold the truth in 99.9 % of all cases.
 TEST(Parameters, WhereAStatisticBendsSharply) {
     const Held intervals = intervals_of(small_layout(), "full_well", 504.0, 0.52, 10);
     EXPECT_GE(intervals.held, 7);

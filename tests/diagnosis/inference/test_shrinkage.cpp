@@ -1,14 +1,12 @@
 // The shrinkage of single statistics: how often its intervals hold the true part, and what has none.
-#include "diagnosis/inference/attribution_support.hpp"
-#include "run/diagnose.hpp"
 #include "inference/shrinkage.hpp"
-#include "report/report_html.hpp"
-#include "report/report_json.hpp"
+
+#include "diagnosis/inference/attribution_support.hpp"
+#include "inference/model_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
 
@@ -162,71 +160,6 @@ TEST(StatisticShrinkage, IntervalsHoldOnSimulatedCaptures) {
     EXPECT_GT(counted, 200);
     // The replicates' own mean is one draw for all captures, so that captures are not quite independent.
     EXPECT_GT(held, 0.92 * counted) << "of " << counted;
-}
-
-nlohmann::json report_of(std::uint32_t frame_count) {
-    CaptureLayout layout = small_layout();
-    for (SequenceLayout &sequence : layout.sequences)
-        sequence.frame_count = sequence.name == "flat" ? frame_count : 12;
-    DiagnosisOptions options;
-    options.null_replicates = 24;
-    options.max_effects = 1;
-    options.without = {};
-    options.evidence = false;
-    const DiagnosisResult result =
-        diagnose(context(), simulated({{"vignetting", {0.4}}}, kCaptureSeed, {}, layout), options);
-    EXPECT_NE(report_html(result).find("Statistic by statistic"), std::string::npos);
-    return nlohmann::json::parse(report_json(result));
-}
-
-TEST(StatisticShrinkage, IsInTheReport) {
-    const nlohmann::json report = report_of(12), &where = report["where"], &list = report["shrink"]["per_statistic"];
-    ASSERT_GT(where.size(), 3u);
-    EXPECT_GT(where[0]["distance_before"].get<double>(), 3.0);
-    EXPECT_GT(where[0]["fraction"].get<double>(), 0.8);
-    ASSERT_EQ(where[0]["ci95"].size(), 2u);
-    EXPECT_LE(where[0]["ci95"][0].get<double>(), where[0]["fraction"].get<double>());
-    EXPECT_GE(where[0]["ci95"][1].get<double>(), where[0]["fraction"].get<double>());
-    EXPECT_FALSE(where[0].contains("no_interval"));
-    std::size_t with = 0, without = 0;
-    for (const nlohmann::json &entry : list) {
-        EXPECT_TRUE(entry["distance_before"].is_number() && entry["distance_after"].is_number()) << entry;
-        EXPECT_EQ(entry["fraction"].is_null(), entry["ci95"].is_null());
-        EXPECT_EQ(entry["fraction"].is_null(), entry.contains("no_interval"));
-        ++(entry["fraction"].is_null() ? without : with);
-    }
-    EXPECT_GT(with, where.size() / 2);
-    EXPECT_GT(without, with) << "most statistics of this camera are right";
-}
-
-TEST(StatisticShrinkage, WithoutFramesToHoldOutThereIsNone) {
-    for (const std::uint32_t frames : {1u, 3u}) {
-        const nlohmann::json report = report_of(frames);
-        std::size_t of_flat = 0;
-        for (const nlohmann::json &entry : report["shrink"]["per_statistic"])
-            if (entry["sequence"] == "flat") {
-                ++of_flat;
-                for (const char *member : {"distance_before", "distance_after", "fraction", "ci95"})
-                    EXPECT_TRUE(entry[member].is_null()) << entry;
-                EXPECT_NE(entry["no_interval"].get<std::string>().find("a sequence needs four"), std::string::npos);
-            } else {
-                EXPECT_TRUE(entry["distance_before"].is_number()) << entry;
-            }
-        EXPECT_GT(of_flat, 0u);
-    }
-}
-
-TEST(StatisticShrinkage, WithoutAnEffectThereIsNone) {
-    DiagnosisOptions options;
-    options.null_replicates = 12;
-    options.evidence = false;
-    const nlohmann::json report =
-        nlohmann::json::parse(report_json(diagnose(context(), simulated({}, kCaptureSeed + 3), options)));
-    ASSERT_EQ(report["cause"]["verdict"], "none");
-    for (const nlohmann::json &entry : report["shrink"]["per_statistic"]) {
-        EXPECT_TRUE(entry["ci95"].is_null());
-        EXPECT_EQ(entry["no_interval"], "no effect was added");
-    }
 }
 
 } // namespace

@@ -1,4 +1,5 @@
-// What a diagnosis says of what it found: stages of unexplained gaps, effects that count as found, names, probabilities. Made-up numbers.
+// What a diagnosis says of what it found: stages of unexplained gaps, effects that count as found, names,
+// probabilities. Made-up numbers.
 #include "inference/effect_model.hpp"
 #include "measure/gap_stages.hpp"
 #include "measure/verdict.hpp"
@@ -33,7 +34,8 @@ class Stages : public testing::Test {
                             sequence("dots_moving", CaptureScene::kDots, true)};
     }
     // Stage of a statistic of a sequence, where the sequences named have deviations and the others do not.
-    std::string placed(const std::string &of, const std::string &stage, const std::vector<std::pair<std::string, double>> &z) {
+    std::string placed(const std::string &of, const std::string &stage,
+                       const std::vector<std::pair<std::string, double>> &z) {
         std::vector<GapPlace> places;
         for (const SequenceLayout &s : layout.sequences) {
             GapPlace place;
@@ -53,7 +55,9 @@ class Stages : public testing::Test {
     CaptureLayout layout;
 };
 
-TEST_F(Stages, NoLightReachesTheDark) { EXPECT_EQ(placed("dark", "motion", {{"dark", 9.0}, {"flat", -30.0}}), "sensor"); }
+TEST_F(Stages, NoLightReachesTheDark) {
+    EXPECT_EQ(placed("dark", "motion", {{"dark", 9.0}, {"flat", -30.0}}), "sensor");
+}
 
 TEST_F(Stages, AFlatHasNeitherSpeckleNorDots) {
     EXPECT_EQ(placed("flat", "laser", {{"flat", -8.0}}), "sensor");
@@ -79,7 +83,8 @@ TEST_F(Stages, RestingScenesThatCouldNotShowItSayNothing) {
         return result;
     };
     // Of one resting surface the skewness is known five times worse than of many: 8 deviations would be less than 2.
-    std::vector<GapPlace> places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.05, "laser")};
+    std::vector<GapPlace> places = {place("board_moving", 8.0, 0.01, "laser"),
+                                    place("board_static", 1.0, 0.05, "laser")};
     place_stages(layout, places, {});
     EXPECT_EQ(places[0].statistic.stage, "laser");
     places = {place("board_moving", 8.0, 0.01, "laser"), place("board_static", 1.0, 0.012, "laser")};
@@ -202,16 +207,20 @@ TEST_F(Stages, WhereTheLightOfAPatternLies) {
     using Names = std::vector<std::string>;
     // Less contrast alone is like depolarization; with light between the dots it comes through the lens.
     const Deviation contrast{"board_moving", "contrast", "surface", -90.0},
-        between{"dots_moving", "light_between_dots", "doe", 40.0}, little{"dots_moving", "light_between_dots", "doe", 9.0};
+        between{"dots_moving", "light_between_dots", "doe", 40.0},
+        little{"dots_moving", "light_between_dots", "doe", 9.0};
     EXPECT_EQ(stages({contrast, {"dots_moving", "contrast", "surface", -70.0}}, "laser"), (Names{"laser", "laser"}));
     EXPECT_EQ(stages({contrast, between}, "laser"), (Names{"optics", "optics"}));
     // Faint copies of the dots, too: the image is there twice. What lies on the axis alone is the pattern's.
-    const Deviation copies{"dots_moving", "peak_point_reflections", "optics", 15.0}, axis{"dots_moving", "peak_on_axis", "doe", 15.0};
+    const Deviation copies{"dots_moving", "peak_point_reflections", "optics", 15.0},
+        axis{"dots_moving", "peak_on_axis", "doe", 15.0};
     EXPECT_EQ(stages({contrast, copies}, "laser"), (Names{"optics", "optics"}));
     EXPECT_EQ(stages({contrast, axis}, "laser"), (Names{"laser", "laser"}));
-    EXPECT_EQ(stages({contrast, {"dots_moving", "peak_point_reflections", "optics", 9.0}}, "laser"), (Names{"laser", "laser"}));
+    EXPECT_EQ(stages({contrast, {"dots_moving", "peak_point_reflections", "optics", 9.0}}, "laser"),
+              (Names{"laser", "laser"}));
     EXPECT_EQ(stages({contrast, little}, "laser"), (Names{"laser", "laser"}));
-    EXPECT_EQ(stages({contrast, {"dots_moving", "light_between_dots", "doe", -40.0}}, "laser"), (Names{"laser", "laser"}));
+    EXPECT_EQ(stages({contrast, {"dots_moving", "light_between_dots", "doe", -40.0}}, "laser"),
+              (Names{"laser", "laser"}));
     // Dots without light have no width; dots that are spread lack light, too, but it lies beside them.
     const Deviation empty{"dots_moving", "core_below_10_percent", "doe", 90.0},
         width{"dots_moving", "dot_width", "optics", 95.0};
@@ -222,10 +231,14 @@ TEST_F(Stages, WhereTheLightOfAPatternLies) {
 
 TEST_F(Stages, SmallDeviationsBesideLargeOnesRuleNothingOut) {
     // 6 deviations in the dark are a hundredth of what the boards show.
-    const std::vector<std::pair<std::string, double>> z = {
-        {"dark", 6.0}, {"board_static", 900.0}, {"board_moving", 900.0}, {"dots_static", 900.0}, {"dots_moving", 900.0}};
+    const std::vector<std::pair<std::string, double>> z = {{"dark", 6.0},
+                                                           {"board_static", 900.0},
+                                                           {"board_moving", 900.0},
+                                                           {"dots_static", 900.0},
+                                                           {"dots_moving", 900.0}};
     EXPECT_EQ(placed("board_moving", "optics", z), "optics");
-    EXPECT_EQ(placed("board_moving", "optics", {{"dark", 4.0}, {"board_moving", 7.0}, {"board_static", 7.0}}), "optics");
+    EXPECT_EQ(placed("board_moving", "optics", {{"dark", 4.0}, {"board_moving", 7.0}, {"board_static", 7.0}}),
+              "optics");
 }
 
 TEST_F(Stages, WhatWasNotRecordedRulesNothingOut) {
@@ -277,7 +290,8 @@ TEST(Names, CertainStepsAreNamed) {
 TEST(Names, EqualRivalsAreEquivalent) {
     DiagnosisResult result;
     result.probability = 1.0;
-    name_effects({step({ranked("linewidth", 100.0), ranked("depolarization", 99.0), ranked("glare", 40.0)})}, {}, result);
+    name_effects({step({ranked("linewidth", 100.0), ranked("depolarization", 99.0), ranked("glare", 40.0)})}, {},
+                 result);
     EXPECT_EQ(result.verdict, Verdict::kAmbiguous);
     EXPECT_EQ(result.equivalent, (std::vector<std::string>{"linewidth", "depolarization"}));
     EXPECT_LT(result.probability, 0.6);
@@ -299,8 +313,8 @@ TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
         result.ranking = {RankedEffect{effect, {}, 100.0, 1.0, 0.0, true}};
         return result;
     };
-    const std::vector<SearchStep> steps = {step("glare"), step("ambient_light"), step("gamma"), step("pixel_integration"),
-                                           step("beam_skew")};
+    const std::vector<SearchStep> steps = {step("glare"), step("ambient_light"), step("gamma"),
+                                           step("pixel_integration"), step("beam_skew")};
     const std::vector<FittedParameter> parameters = {
         {"glare", "fraction", 0.025, 0.02, 0.03},     {"glare", "scale_px", 9.0, 8.0, 10.0},
         {"ambient_light", "level_dn", 5.9, 5.0, 7.0}, {"gamma", "gamma", 0.985, 0.98, 0.99},
@@ -315,7 +329,8 @@ TEST(Slight, WhatIsFarWeakerThanTheCatalogueHasItIsNotNamed) {
     EXPECT_EQ(slight_effects({step("glare"), step("gamma")}, parameters, all), (std::vector<bool>{false, false}));
 }
 
-// What no scene shows, beside effects that scenes do show, is a model's chance: one of its many statistics moved a little.
+// What no scene shows, beside effects that scenes do show, is a model's chance: one of its many statistics moved a
+// little.
 TEST(Slight, WhatNoSceneShowsIsNotNamed) {
     std::vector<SearchStep> steps(3);
     steps[0].added = "prnu";
@@ -368,8 +383,8 @@ TEST(Reading, LagThatRemembersOrDoesNot) {
     list[3].sequence = "board_static";
     const Eigen::VectorXd change = (Eigen::VectorXd(4) << 0.0, 0.0, -0.2, -0.2).finished();
     const Eigen::MatrixXd jacobian = Eigen::MatrixXd::Ones(4, 2);
-    const Eigen::VectorXd tolerance =
-        reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}}, {{0, 0, 0.5}, {1, 0, 0.5}}, change, jacobian);
+    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, {{"defocus", {1.0}}, {"image_lag", {0.1}}},
+                                                        {{0, 0, 0.5}, {1, 0, 0.5}}, change, jacobian);
     // The light of the frame before alone: f (1 - f) / (1 - 2 f + 2 f^2), not f.
     EXPECT_GT(tolerance[0], 0.1 * 0.9 / 0.82 - 0.1);
     EXPECT_NEAR(tolerance[0], 0.01, 1e-15);
@@ -394,7 +409,8 @@ TEST(Reading, DistortionOfTheLensOrOfTheProjector) {
     const Eigen::MatrixXd jacobian =
         (Eigen::MatrixXd(3, 3) << 9.0, 9.0, 0.3, 9.0, 9.0, -0.2, 9.0, 9.0, 0.0).finished();
     // A form of an effect (which of the mosaic's diagonals) is a value without a column.
-    const EffectSettings effects = {{"glare", {0.1, 6.0}}, {"bayer_mismatch", {0.03, 1.0}}, {"lens_distortion", {-0.03}}};
+    const EffectSettings effects = {
+        {"glare", {0.1, 6.0}}, {"bayer_mismatch", {0.03, 1.0}}, {"lens_distortion", {-0.03}}};
     Eigen::MatrixXd of_all(3, 4);
     of_all << jacobian.leftCols(2), Eigen::VectorXd::Constant(3, 7.0), jacobian.rightCols(1);
     const Eigen::VectorXd tolerance = reading_tolerance(
@@ -414,7 +430,8 @@ TEST(Reading, PhotonsByPoissonsLawOrAGaussianOne) {
     list[0].sequence = list[1].sequence = "flat";
     const Eigen::VectorXd change = (Eigen::VectorXd(2) << -0.03, 1.2).finished();
     const Eigen::MatrixXd jacobian = Eigen::MatrixXd::Ones(2, 1);
-    const Eigen::VectorXd tolerance = reading_tolerance(list, layout, {{"shot_noise", {0.3}}}, {{0, 0, 0.5}}, change, jacobian);
+    const Eigen::VectorXd tolerance =
+        reading_tolerance(list, layout, {{"shot_noise", {0.3}}}, {{0, 0, 0.5}}, change, jacobian);
     EXPECT_NEAR(tolerance[0], 0.03, 1e-15);
     EXPECT_EQ(tolerance[1], 0.0); // both laws have the variance
     EXPECT_EQ(reading_tolerance(list, layout, {{"row_noise", {2.0}}}, {{0, 0, 0.5}}, change, jacobian).norm(), 0.0);

@@ -3,7 +3,7 @@
 #define CLSPECKLE_TESTS_SAMPLE_REPORTS_HPP
 
 #include "capture_support.hpp"
-#include "run/diagnose.hpp"
+#include "measure/diagnosis_result.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -30,7 +30,8 @@ struct Sample {
 clsp::CaptureLayout layout(const std::vector<Sequence> &sequences);
 
 // Frames with defocus; the model with effects has it, too.
-Sample with_evidence(const std::shared_ptr<clsp::Context> &context, const std::vector<Sequence> &sequences, bool with_model);
+Sample with_evidence(const std::shared_ptr<clsp::Context> &context, const std::vector<Sequence> &sequences,
+                     bool with_model);
 
 // By name: the reports of every kind of verdict and of poor captures.
 std::vector<std::pair<std::string, clsp::DiagnosisResult>> reports(const std::shared_ptr<clsp::Context> &context);

@@ -123,7 +123,8 @@ void Profile::check_maps(const clspeckle::Profile &made, const clspeckle::Profil
     ASSERT_CLSP_OK(clspPipelineSetProfileMaps(other, read, CLSP_PROFILE_MAP_GAIN));
     std::filesystem::remove(folder / "camera.dark.npy");
     EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspPipelineSetProfile(drawn, read));
-    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ", clspProfileWrite(read, (folder / "copy.json").string().c_str()));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_IO, "the dark map of ",
+                      clspProfileWrite(read, (folder / "copy.json").string().c_str()));
     EXPECT_FALSE(std::filesystem::exists(folder / "copy.gain.npy")) << "all or nothing";
     ASSERT_CLSP_OK(clspPipelineSetProfileMaps(drawn, read, CLSP_PROFILE_MAP_GAIN));
     ASSERT_CLSP_OK(clspPipelineSetProfile(drawn, made)) << "its values are in memory";

@@ -25,8 +25,8 @@ return [before, closed()];
 # Wider than the screen: what neither scrolls by itself nor lies in something that does.
 WIDTH = "return [document.documentElement.scrollWidth, window.innerWidth];"
 FIGURES = """
-return [document.querySelectorAll('script[type="application/json"]').length, document.querySelectorAll(".plot svg").length,
-        document.querySelectorAll(".failed").length];
+return [document.querySelectorAll('script[type="application/json"]').length,
+        document.querySelectorAll(".plot svg").length, document.querySelectorAll(".failed").length];
 """
 
 

@@ -81,7 +81,14 @@ def test_measurements_are_shown(sources):
     """In words and units, of all versions; and what was put aside."""
     text = sources["named"]
     section = text[text.index('id="measurements"') : text.index("</section>", text.index('id="measurements"'))]
-    for words in ("temporal_noise", "dot_width_x", "system_gain", "standard deviation of the dots", "simulator with effects", " ± "):
+    for words in (
+        "temporal_noise",
+        "dot_width_x",
+        "system_gain",
+        "standard deviation of the dots",
+        "simulator with effects",
+        " ± ",
+    ):
         assert words in section
     assert "All effects that were looked at" in text and "put aside" in text
 
@@ -95,7 +102,9 @@ def test_needs_no_network(report):
         if "src" in attributes:
             assert tag == "img" and attributes["src"].startswith("data:image/png;base64,")
         assert attributes.get("href", "#").startswith("#")
-    policy = [a["content"] for t, a in page.elements if t == "meta" and a.get("http-equiv") == "Content-Security-Policy"]
+    policy = [
+        a["content"] for t, a in page.elements if t == "meta" and a.get("http-equiv") == "Content-Security-Policy"
+    ]
     assert len(policy) == 1 and "default-src 'none'" in policy[0] and "unsafe-eval" not in policy[0]
     style = re.search(r"<style>(.*?)</style>", source, re.S).group(1)
     assert "url(" not in style and "@import" not in style
@@ -158,9 +167,22 @@ def test_reads_without_javascript(sources):
     page = Page()
     page.feed(sources["named"])
     text = " ".join(" ".join(page.text).split())
-    for words in ("Verdict: named", "its cause is named: defocus", "0.97", "8.8", "1.15", "standard deviations",
-                  "dot_profile", "light in a ring around the dots", "focal length f = 72 px", "clSpeckle", "seed 3", "real",
-                  "baseline simulator", "simulator with effects"):
+    for words in (
+        "Verdict: named",
+        "its cause is named: defocus",
+        "0.97",
+        "8.8",
+        "1.15",
+        "standard deviations",
+        "dot_profile",
+        "light in a ring around the dots",
+        "focal length f = 72 px",
+        "clSpeckle",
+        "seed 3",
+        "real",
+        "baseline simulator",
+        "simulator with effects",
+    ):
         assert words in text, words
     assert any(t == "noscript" for t, _ in page.elements)
 
@@ -174,9 +196,14 @@ def test_kinds_of_captures(sources):
     assert "no frames of dots" in text("none_without_dots")
     assert "No gap in what could be tested" in text("none_without_dots")
     assert "real ones of dark and flat by any of" in text("none_without_dots")
-    assert "Not judged: board_static. Not tested, since they cannot show in these sequences: defocus and glare." in text("none_without_dots")
+    assert (
+        "Not judged: board_static. Not tested, since they cannot show in these sequences: defocus and glare."
+        in text("none_without_dots")
+    )
     assert "Left open: motion during the exposure. None of this is shown to be right." in text("none_without_dots")
-    assert "in standard deviations of half captures simulated with the effects" in text("named"), "scales are told apart"
+    assert "in standard deviations of half captures simulated with the effects" in text("named"), (
+        "scales are told apart"
+    )
     assert "cannot tell which of several effects causes it" in text("ambiguous")
     assert "metallic diffuser" in text("ambiguous"), "the advice for the pair"
     assert "explained by no effect that the simulator knows" in text("single_frames")

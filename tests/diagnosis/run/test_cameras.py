@@ -23,8 +23,9 @@ PROGRAM = Path(os.environ.get("CLSPECKLE_CLI", ROOT / "build" / "bin" / "clspeck
 
 def coarse_camera(seed: int, read_noise_dn: float, black_dn: float) -> Camera:
     return draw_camera(
-        seed, other=True, bits=8, level_dn=27.0, read_noise_dn=read_noise_dn, sheet_read_noise_dn=round(1.08 * read_noise_dn, 3),
-        black_dn=black_dn, sheet_black_dn=round(black_dn), degree_of_polarization=1.0,
+        seed, other=True, bits=8, level_dn=27.0, read_noise_dn=read_noise_dn,
+        sheet_read_noise_dn=round(1.08 * read_noise_dn, 3), black_dn=black_dn, sheet_black_dn=round(black_dn),
+        degree_of_polarization=1.0,
     )  # fmt: skip
 
 
@@ -82,8 +83,8 @@ def test_capture_make_samples_as_the_diagnosis_does(tmp_path: Path) -> None:
 def test_noise_of_two_codes_of_twelve_bits(tmp_path: Path) -> None:
     """Multiples of 8 codes show even light's level to 0.01 DN, and every trial of a fit had it off by up to 1 DN."""
     camera = draw_camera(
-        70, other=True, bits=12, level_dn=480.0, read_noise_dn=2.0, sheet_read_noise_dn=2.0, black_dn=255.0, sheet_black_dn=255.0,
-        degree_of_polarization=1.0,
+        70, other=True, bits=12, level_dn=480.0, read_noise_dn=2.0, sheet_read_noise_dn=2.0, black_dn=255.0,
+        sheet_black_dn=255.0, degree_of_polarization=1.0,
     )  # fmt: skip
     write_capture(tmp_path, camera, {"gamma": {"gamma": 0.85}}, 40, 70)
     report = diagnosed(tmp_path)

@@ -146,7 +146,9 @@ def test_comparisons(context: clspeckle.Context, tmp_path: Path) -> None:
     assert says in notes_of(compared(frames(count=1, seed=3)))
     assert says not in notes_of(quiet)
     white = np.full_like(real["dark"], 1023)
-    with pytest.raises(errors.InvalidDataError, match=r"record it with the lens covered, correct camera.bits, or leave it out"):
+    with pytest.raises(
+        errors.InvalidDataError, match=r"record it with the lens covered, correct camera.bits, or leave it out"
+    ):
         compared(white)
     clspeckle.compare(real, {"flat": frames(600, seed=4)}, context=context, **QUICK)
     # Profiles of a comparison are the real camera's.
@@ -154,7 +156,9 @@ def test_comparisons(context: clspeckle.Context, tmp_path: Path) -> None:
     other = clspeckle.diagnose({"dark": real["dark"]}, context=context, **QUICK).profile()
     wide = clspeckle.diagnose({"dark": np.tile(real["dark"], 2)}, context=context, **QUICK).profile()
     for profile in (other, wide):
-        with pytest.raises(errors.InvalidArgumentError, match="give the profile that a diagnosis of the real set wrote"):
+        with pytest.raises(
+            errors.InvalidArgumentError, match="give the profile that a diagnosis of the real set wrote"
+        ):
             compared(frames(seed=3), profile=profile)
     compared(frames(seed=3), profile=own)
 
@@ -166,7 +170,9 @@ def test_a_diagnosis_that_cannot_be_made(context: clspeckle.Context) -> None:
     with pytest.raises(errors.InvalidDataError, match=r"Check that the files belong .* with another exposure"):
         diagnosed(np.full((FRAMES, HEIGHT, WIDTH), 1023, np.uint16))
     diagnosed(DARK)
-    with pytest.raises(errors.InvalidArgumentError, match='"gama" cannot be left out: .* `clspeckle effects` lists them'):
+    with pytest.raises(
+        errors.InvalidArgumentError, match='"gama" cannot be left out: .* `clspeckle effects` lists them'
+    ):
         diagnosed(DARK, without=["gama"])
     diagnosed(DARK, without=[clspeckle.effects()[0].id])
 
@@ -187,10 +193,12 @@ def shifted(
 @pytest.mark.parametrize(
     ("says", "bad", "good"),
     [
-        ("it must stand alone. Put the text of files into it", [shifted(more='#include "a.h"\n')], [shifted(more="constant int a = 1;\n")]),
+        ("it must stand alone. Put the text of files into it", [shifted(more='#include "a.h"\n')],
+         [shifted(more="constant int a = 1;\n")]),
         ("a word of OpenCL C's own; give it another name", [shifted("float")], [shifted("shift")]),
         ("has the id of an effect of the catalogue; give it another", [shifted(id="gamma")], [shifted(id="my_gamma")]),
-        ('two hypotheses have the id "own"; give each its own', [shifted(), shifted("by")], [shifted(), shifted("by", id="by")]),
+        ('two hypotheses have the id "own"; give each its own', [shifted(), shifted("by")],
+         [shifted(), shifted("by", id="by")]),
     ],
 )  # fmt: skip
 def test_hypotheses(

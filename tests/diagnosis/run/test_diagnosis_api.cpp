@@ -1,5 +1,5 @@
-// The C and C++ interface of the diagnosis: defaults, refusals, callbacks, getters, the written report. What a verdict is
-// worth is tested elsewhere; here the captures are small (64 x 48, 8 frames) and the causes are gross.
+// The C and C++ interface of the diagnosis: defaults, refusals, callbacks, getters, the written report. What a verdict
+// is worth is tested elsewhere; here the captures are small (64 x 48, 8 frames) and the causes are gross.
 #include "test_support.hpp"
 
 #include <cstdio>
@@ -252,8 +252,8 @@ TEST_F(Diagnosis, RefusesBadHypotheses) {
     EXPECT_EQ(made, nullptr);
 }
 
-// On the device, in as many workers as there are: the same as the function on the caller's thread, to the last digit of what
-// single precision leaves the same.
+// On the device, in as many workers as there are: the same as the function on the caller's thread, to the last digit of
+// what single precision leaves the same.
 TEST_F(Diagnosis, HypothesisAsOpenclSource) {
     clspeckle::Hypothesis ramp;
     ramp.id = "ramp";
@@ -617,7 +617,8 @@ TEST_F(Diagnosis, WhatFunctionsThrowLeavesDiagnose) {
         EXPECT_EQ(error.status(), CLSP_ERROR_CANCELLED);
     }
     options.progress = nullptr;
-    clspeckle::Hypothesis hypothesis{"mine", "sensor", "", CLSP_HYPOTHESIS_INTENSITY, {{"a", "DN", 0, 9, 1, 3}}, nullptr};
+    clspeckle::Hypothesis hypothesis{"mine", "sensor", "", CLSP_HYPOTHESIS_INTENSITY, {{"a", "DN", 0, 9, 1, 3}},
+                                     nullptr};
     hypothesis.apply = [](const ClspHypothesisFrame &) { throw std::length_error("too long"); };
     options.hypotheses = {hypothesis};
     EXPECT_THROW(clspeckle::diagnose(context, capture, options), std::length_error);

@@ -1,8 +1,10 @@
-"""Cameras' images end where the world goes on; the simulated baseline is periodic, and its pupil as coarse as the image's sides leave it.
+"""Cameras' images end where the world goes on; the simulated baseline is periodic, and its pupil as coarse as the
+image's sides leave it.
 
-120 frames of 128 x 96 pixels tell the two apart: without allowance for it the light between the dots alone is 8 standard deviations off
-(p below 1e-6 for either seed), and every capture of a real camera would be a gap. A null's p is uniform: with both seeds and levels fixed
-the test is deterministic, and a change that draws other numbers fails it with a probability of 4 %.
+120 frames of 128 x 96 pixels tell the two apart: without allowance for it the light between the dots alone is 8
+standard deviations off (p below 1e-6 for either seed), and every capture of a real camera would be a gap. A null's p is
+uniform: with both seeds and levels fixed the test is deterministic, and a change that draws other numbers fails it with
+a probability of 4 %.
 """
 
 from __future__ import annotations

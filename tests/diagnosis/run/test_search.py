@@ -51,24 +51,27 @@ def test_of_two_swaps_the_better_is_made(tmp_path: Path) -> None:
 
 
 # As drawn: a plan draws other cameras when the catalogue has other effects.
-WHOLE, CAMERA = PLANS["whole"], SetPlan(
-    "whole",
-    {
-        "shot_noise": 0.4506,
-        "prnu": 0.1121,
-        "dsnu": 0.2838,
-        "row_noise": 0.3406,
-        "row_fpn": 0.3518,
-        "row_gain": 0.4958,
-        "pixel_dull": 0.4801,
-        "ambient_light": 0.2211,
-        "crosstalk": 0.2395,
-        "aperture_mismatch": 0.1207,
-        "pupil_obstruction": 0.34,
-    },
-    camera_seed=1854666332,
-    seed=797544063,
-    hidden="pupil_obstruction",
+WHOLE, CAMERA = (
+    PLANS["whole"],
+    SetPlan(
+        "whole",
+        {
+            "shot_noise": 0.4506,
+            "prnu": 0.1121,
+            "dsnu": 0.2838,
+            "row_noise": 0.3406,
+            "row_fpn": 0.3518,
+            "row_gain": 0.4958,
+            "pixel_dull": 0.4801,
+            "ambient_light": 0.2211,
+            "crosstalk": 0.2395,
+            "aperture_mismatch": 0.1207,
+            "pupil_obstruction": 0.34,
+        },
+        camera_seed=1854666332,
+        seed=797544063,
+        hidden="pupil_obstruction",
+    ),
 )
 
 

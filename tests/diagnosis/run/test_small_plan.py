@@ -1,7 +1,8 @@
 """The withheld-effect check's small plan through the program: 12 sets of 96 x 80 pixels, 16 frames, strong effects.
 
-Too few for a measurement: what is asserted holds unless something is broken. The two nulls raise a false alarm each with a probability of
-2 %; of the five strong single effects three must be named, where the full check names nine of ten.
+Too few for a measurement: what is asserted holds unless something is broken. The two nulls raise a false alarm each
+with a probability of 2 %; of the five strong single effects three must be named, where the full check names nine of
+ten.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ LEAST_NAMED = 3
 
 
 def test_small_plan(tmp_path: Path) -> None:
-    command = [PROGRAM, "gap", "check", "--plan", "small", "--out", "check", "--json", "score.json", "--python", sys.executable,
-               "--generator", ROOT / "validation" / "gap_check", "--jobs", "2"]  # fmt: skip
+    command = [PROGRAM, "gap", "check", "--plan", "small", "--out", "check", "--json", "score.json", "--python",
+               sys.executable, "--generator", ROOT / "validation" / "gap_check", "--jobs", "2"]  # fmt: skip
     done = subprocess.run([str(word) for word in command], cwd=tmp_path, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     score = json.loads((tmp_path / "score.json").read_text())
@@ -30,5 +31,12 @@ def test_small_plan(tmp_path: Path) -> None:
     assert figures["false_alarms"]["successes"] == 0, score["wrong"]
     assert figures["detected"]["successes"] == 5, score["wrong"]
     assert figures["top1"]["successes"] >= LEAST_NAMED, score["wrong"]
-    assert {"pairs_both", "many_recall", "outside_unknown", "without_unknown", "interval_coverage", "residual_gone"} <= figures.keys()
+    assert {
+        "pairs_both",
+        "many_recall",
+        "outside_unknown",
+        "without_unknown",
+        "interval_coverage",
+        "residual_gone",
+    } <= figures.keys()
     assert "exactly named" in done.stdout

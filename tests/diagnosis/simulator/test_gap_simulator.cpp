@@ -50,7 +50,8 @@ TEST_F(GapSimulator, FramesMoveOrRestAsTheSequenceSays) {
     EXPECT_NE(draw(same, kBoardStatic, {}, kQuiet), draw(same, kBoardMoving, {}, kQuiet));
 }
 
-// Two samples of a pixel that integrates have its ideal light, a staircase that widens dots; where the middle one of three is a point it does not.
+// Two samples of a pixel that integrates have its ideal light, a staircase that widens dots; where the middle one of
+// three is a point it does not.
 TEST(SequenceModel, SamplesFollowThePupilAndDotsKeepTheirWidth) {
     CaptureLayout layout = small_layout();
     const double pitch_over_wavelength = layout.pixel_pitch_m / layout.wavelength_m, sigma_px = layout.dots->sigma_px;
@@ -63,7 +64,11 @@ TEST(SequenceModel, SamplesFollowThePupilAndDotsKeepTheirWidth) {
         const PipelineModel points = model(diameter, {}), areas = model(diameter, integrates);
         EXPECT_EQ(points.aperture.oversampling, diameter <= 1.0 ? 1u : 3u) << diameter;
         EXPECT_EQ(points.dots->sigma_px, sigma_px) << diameter;
-        EXPECT_EQ(areas.aperture.oversampling, diameter <= 0.6 ? 1u : diameter <= 1.0 ? 2u : diameter <= 1.5 ? 3u : 5u) << diameter;
+        EXPECT_EQ(areas.aperture.oversampling, diameter <= 0.6   ? 1u
+                                               : diameter <= 1.0 ? 2u
+                                               : diameter <= 1.5 ? 3u
+                                                                 : 5u)
+            << diameter;
         EXPECT_EQ(areas.phase.oversampling, areas.aperture.oversampling);
         const double widening = areas.aperture.oversampling == 2 ? 1.0 / 16.0 : 0.0;
         EXPECT_NEAR(areas.dots->sigma_px, std::sqrt(sigma_px * sigma_px - widening), 1e-12) << diameter;
@@ -325,7 +330,9 @@ TEST_F(GapSimulator, HypothesesActAtTheirPoint) {
 
 // Six lists of effects at random, in any order: those that a sequence takes notice of give its frames.
 TEST_F(GapSimulator, WhatConcernsASequenceGivesItsFrames) {
-    const auto spot = [](const HypothesisFrame &frame) { frame.pixels[24 * std::size_t{frame.layout->width} + 50] = 5.0f; };
+    const auto spot = [](const HypothesisFrame &frame) {
+        frame.pixels[24 * std::size_t{frame.layout->width} + 50] = 5.0f;
+    };
     Simulator simulator(context, small_layout(), {make_hypothesis("spot", HypothesisPoint::kIrradiance, spot)});
     std::mt19937 random(5);
     std::size_t taken = 0, left = 0;
@@ -341,7 +348,8 @@ TEST_F(GapSimulator, WhatConcernsASequenceGivesItsFrames) {
             const std::vector<EffectSetting> concerning = simulator.concerning(effects, s);
             taken += concerning.size();
             left += effects.size() - concerning.size();
-            EXPECT_EQ(draw(simulator, s, effects), draw(simulator, s, concerning)) << "list " << list << " on " << kNames[s];
+            EXPECT_EQ(draw(simulator, s, effects), draw(simulator, s, concerning))
+                << "list " << list << " on " << kNames[s];
             std::vector<EffectSetting> others = effects;
             std::reverse(others.begin(), others.end());
             EXPECT_EQ(simulator.concerning(others, s), concerning);

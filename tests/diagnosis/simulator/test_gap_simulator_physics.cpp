@@ -88,19 +88,23 @@ class Physics : public GapSimulator {
 TEST(HostBlock, KnownAnswers) {
     using Block = std::array<std::uint32_t, 4>;
     EXPECT_EQ(host_block(0, {0, 0, 0, 0}), (Block{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8}));
-    EXPECT_EQ(host_block(~std::uint64_t{0}, {~0u, ~0u, ~0u, ~0u}), (Block{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd}));
+    EXPECT_EQ(host_block(~std::uint64_t{0}, {~0u, ~0u, ~0u, ~0u}),
+              (Block{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd}));
     EXPECT_EQ(host_block(0x299f31d0a4093822u, {0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344}),
               (Block{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}));
 }
 
-// Work memory of the lens is shared out anew where its parts change but its size does not: a second polarization's intensity takes as
-// much as the samples that pixels integrate.
+// Work memory of the lens is shared out anew where its parts change but its size does not: a second polarization's
+// intensity takes as much as the samples that pixels integrate.
 TEST_F(Physics, ALensThatWasAnotherBefore) {
-    for (const auto &[first, second] : {std::pair<EffectSetting, EffectSetting>{{"depolarization", {0.5}}, {"pixel_integration", {1.0}}},
-                                        {{"pixel_integration", {1.0}}, {"depolarization", {0.5}}}}) {
+    for (const auto &[first, second] :
+         {std::pair<EffectSetting, EffectSetting>{{"depolarization", {0.5}}, {"pixel_integration", {1.0}}},
+          {{"pixel_integration", {1.0}}, {"depolarization", {0.5}}}}) {
         Simulator changed(context, small_layout()), fresh(context, small_layout());
         draw(changed, kBoardMoving, {first}, kQuiet, 5, 2);
-        EXPECT_EQ(draw(changed, kBoardMoving, {second}, kQuiet, 5, 2), draw(fresh, kBoardMoving, {second}, kQuiet, 5, 2)) << second.id;
+        EXPECT_EQ(draw(changed, kBoardMoving, {second}, kQuiet, 5, 2),
+                  draw(fresh, kBoardMoving, {second}, kQuiet, 5, 2))
+            << second.id;
     }
 }
 
@@ -232,8 +236,9 @@ TEST_F(Physics, SurfaceAndMotion) {
     EXPECT_NEAR(contrast({{"motion_decorrelation", {lags}}}), std::sqrt(2.0 * (std::exp(-x) - 1.0 + x) / (x * x)),
                 0.03);
 
-    // A part c of the light keeps its phase all the while and beats with what changes, whose correlation exp(-l) falls off half as fast as
-    // its square: variance (1 - c)^2 C^2 + 2 c a^2 (1 - c) K, K = 2 / L^2 int_0^L (L - l) exp(-l) dl.
+    // A part c of the light keeps its phase all the while and beats with what changes, whose correlation exp(-l) falls
+    // off half as fast as its square: variance (1 - c)^2 C^2 + 2 c a^2 (1 - c) K, K = 2 / L^2 int_0^L (L - l) exp(-l)
+    // dl.
     const double c = 0.3, steady = c * a2, k = 2.0 * (std::exp(-lags) - 1.0 + lags) / (lags * lags);
     const double moved = 2.0 * (std::exp(-x) - 1.0 + x) / (x * x);
     EXPECT_NEAR(contrast({{"low_roughness", {c}}, {"motion_decorrelation", {lags}}}),

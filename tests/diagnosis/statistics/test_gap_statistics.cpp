@@ -271,7 +271,8 @@ TEST(GapStatistics, OneGrainIsNoMosaic) {
     }
     for (const char *name : {"mosaic_rows", "mosaic_columns", "mosaic_checker"}) {
         EXPECT_LT(std::abs(named(board, speckle).at(name)), 5.0) << name;
-        EXPECT_NEAR(named(board, grain).at(name), named(board, speckle).at(name), 2.0) << name; // its four windows' most
+        EXPECT_NEAR(named(board, grain).at(name), named(board, speckle).at(name), 2.0)
+            << name; // its four windows' most
     }
     EXPECT_LT(named(board, columns).at("mosaic_columns"), named(board, speckle).at("mosaic_columns") - 3.0);
     EXPECT_NEAR(named(board, columns).at("mosaic_rows"), named(board, speckle).at("mosaic_rows"), 1.0);
@@ -328,8 +329,8 @@ Codes flickering(const CaptureLayout &layout, double sigma) {
     return codes;
 }
 
-// Under a laser that flickers, the pixels of a few bright grains that clip stay at the top code: no noise of theirs. A coarse
-// converter's top code is below 2^bits - 1.
+// Under a laser that flickers, the pixels of a few bright grains that clip stay at the top code: no noise of theirs. A
+// coarse converter's top code is below 2^bits - 1.
 TEST(GapStatistics, GrainsThatClipDoNotFlicker) {
     const CaptureLayout layout = make_layout(CaptureScene::kBoard, false);
     for (const int step : {1, 4, 16}) {
@@ -344,7 +345,8 @@ TEST(GapStatistics, GrainsThatClipDoNotFlicker) {
         const Values before = named(layout, below), after = named(layout, clipped);
         for (const char *name : {"noise_kurtosis", "noise_skewness", "repeated_frames", "temporal_correlation_1"})
             EXPECT_NEAR(after.at(name), before.at(name), 0.02) << name << " in steps of " << step;
-        EXPECT_NEAR(after.at("temporal_variance/above_2.5_mean"), before.at("temporal_variance/above_2.5_mean"), 0.1) << step;
+        EXPECT_NEAR(after.at("temporal_variance/above_2.5_mean"), before.at("temporal_variance/above_2.5_mean"), 0.1)
+            << step;
     }
 }
 
@@ -365,8 +367,8 @@ TEST(GapStatistics, AWhiteFrameLeavesTheOthersNoise) {
     EXPECT_NEAR(after.at("speckle_correlation_x1"), before.at("speckle_correlation_x1"), 0.02);
 }
 
-// A level that cuts the light moves through half of the range, 4 DN at a time: the root of the share above goes along, and never
-// by more than an eighth of the way at once. A sharp step would have it go at once.
+// A level that cuts the light moves through half of the range, 4 DN at a time: the root of the share above goes along,
+// and never by more than an eighth of the way at once. A sharp step would have it go at once.
 TEST(GapStatistics, LightThatIsCutIsFollowed) {
     const CaptureLayout layout = make_layout(CaptureScene::kBoard, 8, true);
     const Codes speckle = make_codes(layout, 1);
@@ -430,7 +432,8 @@ TEST(GapStatistics, DotsAreMeasuredWhereTheyAre) {
     EXPECT_NEAR(stretched.at("dot_turn"), 0.0, 0.02);
 }
 
-// Spots with a moat around them, deeper and deeper: less light than between the dots, so that second moments vanish and become negative.
+// Spots with a moat around them, deeper and deeper: less light than between the dots, so that second moments vanish and
+// become negative.
 TEST(GapStatistics, MomentsOfWhatIsNoDotAreBounded) {
     const CaptureLayout layout = make_layout(CaptureScene::kDots, false, 2);
     bool spots = false, none = false;
@@ -464,7 +467,8 @@ TEST(GapStatistics, MomentsOfWhatIsNoDotAreBounded) {
     EXPECT_TRUE(spots && none) << "the test tests nothing";
 }
 
-// Dots that vanish and become holes: the profile and the spokes are told relative to a core that would go through zero on the way.
+// Dots that vanish and become holes: the profile and the spokes are told relative to a core that would go through zero
+// on the way.
 TEST(GapStatistics, ProfilesOfWhatIsNoDotAreBounded) {
     const CaptureLayout layout = make_layout(CaptureScene::kDots, false, 2);
     double least = 1e9;

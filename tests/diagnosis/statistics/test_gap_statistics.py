@@ -1,7 +1,8 @@
 """The statistics of captures against float64 NumPy, through the program gap_statistics_dump.
 
-The frames are made here: what a camera records of flat light, speckle and dots, with a few defects, so that no statistic is near its
-value for nothing. Every value but those of the dots' shape, which test_gap_statistics.cpp checks on dots of known shape, is found twice.
+The frames are made here: what a camera records of flat light, speckle and dots, with a few defects, so that no
+statistic is near its value for nothing. Every value but those of the dots' shape, which test_gap_statistics.cpp checks
+on dots of known shape, is found twice.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ SCENES = {
     "dots_static": ("dots", False),
     "dots_moving": ("dots", True),
 }
-POSITIONS = [[9.2 + 14.8 * i + 0.9 * np.sin(i + 2 * j), 8.7 + 15.1 * j + 0.9 * np.cos(3 * i + j)] for j in range(4) for i in range(6)]
+POSITIONS = [
+    [9.2 + 14.8 * i + 0.9 * np.sin(i + 2 * j), 8.7 + 15.1 * j + 0.9 * np.cos(3 * i + j)]
+    for j in range(4)
+    for i in range(6)
+]
 
 
 def cutoff(f_number: float = F_NUMBER) -> float:
@@ -47,14 +52,17 @@ def speckle(rng: np.random.Generator, ideal: NDArray[np.float64]) -> NDArray[np.
 
 
 def make_codes(scene: str, moving: bool, seed: int) -> NDArray[np.uint16]:
-    """Frames with vignetting, a mosaic, shot, row and pixel noise, column offsets, hot pixels and a flicker of the light."""
+    """Frames with vignetting, a mosaic, shot, row and pixel noise, column offsets, hot pixels and a flicker of the
+    light."""
     rng = np.random.default_rng(seed)
     ys, xs = np.mgrid[:HEIGHT, :WIDTH]
     ideal = np.zeros((HEIGHT, WIDTH)) if scene == "dark" else np.ones((HEIGHT, WIDTH))
     if scene == "dots":
         ideal = sum(np.exp(-((xs - x) ** 2 + (ys - y) ** 2) / (2 * 2.2**2)) for x, y in POSITIONS)
     falloff = 1 - 0.3 * ((xs / (WIDTH - 1) - 0.5) ** 2 + (ys / (HEIGHT - 1) - 0.4) ** 2)
-    gain = {"dark": 0.0, "flat": 390.0, "board": 130.0, "dots": 290.0}[scene] * falloff * (1 + 0.01 * (-1.0) ** (xs + ys))
+    gain = (
+        {"dark": 0.0, "flat": 390.0, "board": 130.0, "dots": 290.0}[scene] * falloff * (1 + 0.01 * (-1.0) ** (xs + ys))
+    )
     columns = rng.normal(0, 0.7, WIDTH)
     hot = 90.0 * (rng.random((HEIGHT, WIDTH)) < 0.002)
     wave = 1.2 * np.sin(2 * np.pi * (0.1337 * xs - 0.291 * ys) + 1.0)
@@ -120,7 +128,8 @@ def compare(library: reference.Values, expected: reference.Values, measured) -> 
     missing = sorted(set(expected) - set(library))
     assert not missing, missing
     for key, value in expected.items():
-        # The library adds up single precision along rows: errors are a 1e-4 of the value, or 2e-5 of a correlation or moment near 0.
+        # The library adds up single precision along rows: errors are a 1e-4 of the value, or 2e-5 of a correlation or
+        # moment near 0.
         error = abs(library[key] - value) / max(abs(value), 0.2)
         measured("error over the larger of value and 0.2", error)
         assert error < 1e-4, (key, library[key], value)
@@ -139,7 +148,9 @@ def test_values_agree_with_the_reference(codes, masked, tmp_path, measured):
     whole = np.ones((HEIGHT, WIDTH), bool)
     count = 0
     for name, (scene, moving) in SCENES.items():
-        sequence = reference.Sequence(codes[name], scene, moving, BLACK, READ, BITS, cutoff(), whole if mask is None else mask)
+        sequence = reference.Sequence(
+            codes[name], scene, moving, BLACK, READ, BITS, cutoff(), whole if mask is None else mask
+        )
         expected = reference.compute(sequence)
         compare(library[name], expected, measured)
         count += len(expected)
@@ -158,10 +169,13 @@ def test_masked_codes_do_not_matter(codes, tmp_path):
 
 
 def test_the_black_level_is_no_gap(codes, tmp_path):
-    """A black level higher by 7 DN, calibrated, changes nothing that is relative to the light; only what belongs to the code itself."""
+    """A black level higher by 7 DN, calibrated, changes nothing that is relative to the light; only what belongs to the
+    code itself."""
     write_capture(tmp_path, codes, None)
     before = dump(tmp_path)
-    write_capture(tmp_path, {name: (stack + 7).clip(max=2**BITS - 1).astype(np.uint16) for name, stack in codes.items()}, None)
+    write_capture(
+        tmp_path, {name: (stack + 7).clip(max=2**BITS - 1).astype(np.uint16) for name, stack in codes.items()}, None
+    )
     after = dump(tmp_path)
     of_codes = ("codes_multiple", "share_above", "bright_end", "histogram")
     for sequence in ("dark", "flat", "dots_moving", "board_moving"):
@@ -180,7 +194,14 @@ def test_the_light_level_is_no_gap(codes, tmp_path):
     write_capture(tmp_path, {"dark": codes["dark"], "flat": doubled}, None)
     after = dump(tmp_path)["flat"]
     for key in before:
-        if key[0] in ("gradient_x", "gradient_y", "radial_falloff", "mosaic_checker", "region_mean", "frame_mean_fluctuation"):
+        if key[0] in (
+            "gradient_x",
+            "gradient_y",
+            "radial_falloff",
+            "mosaic_checker",
+            "region_mean",
+            "frame_mean_fluctuation",
+        ):
             assert after[key] == pytest.approx(before[key], abs=2e-3), key
 
 

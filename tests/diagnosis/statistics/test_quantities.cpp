@@ -98,7 +98,8 @@ TEST(Quantities, NoiseInTheDark) {
     noise.columns = 0.6;
     const auto all = quantities(layout(clsp::CaptureScene::kDark, false), even_frames(noise, 1));
     // Standard errors: of a deviation s from n values s / sqrt(2 n).
-    EXPECT_NEAR(value(all, "temporal_noise"), std::sqrt(kRead * kRead + kRounding), 5 * 4.0 / std::sqrt(2.0 * 15 * kPixels) + 0.01);
+    EXPECT_NEAR(value(all, "temporal_noise"), std::sqrt(kRead * kRead + kRounding),
+                5 * 4.0 / std::sqrt(2.0 * 15 * kPixels) + 0.01);
     EXPECT_NEAR(value(all, "row_noise"), 0.8, 5 * 0.9 / std::sqrt(2.0 * 15 * kHeight));
     EXPECT_NEAR(value(all, "column_noise"), 0.6, 5 * 0.75 / std::sqrt(2.0 * 15 * kWidth));
     // All fixed offsets together: 1.8 DN.
@@ -110,8 +111,9 @@ TEST(Quantities, NoiseInTheDark) {
     EXPECT_EQ(value(all, "codes_at_zero"), 0.0);
 }
 
-// Codes that are as wide as 1 + 0.2 cos(2 pi (n - widest) / period), made by levels that are summed up from the widths, under noise
-// of 4 DN. Amplitude and widest code within 4 standard errors; even codes, few bits and a narrow law tell nothing.
+// Codes that are as wide as 1 + 0.2 cos(2 pi (n - widest) / period), made by levels that are summed up from the widths,
+// under noise of 4 DN. Amplitude and widest code within 4 standard errors; even codes, few bits and a narrow law tell
+// nothing.
 TEST(Quantities, WidthsOfCodes) {
     for (const std::size_t period : {std::size_t{2}, std::size_t{4}}) {
         const double widest = period == 2 ? 1.0 : 2.6;
@@ -122,7 +124,8 @@ TEST(Quantities, WidthsOfCodes) {
         std::normal_distribution<double> normal(kBlack, kRead);
         std::vector<std::uint16_t> codes(kFrames * kPixels);
         for (std::uint16_t &code : codes)
-            code = std::uint16_t(std::upper_bound(levels.begin(), levels.end(), normal(generator)) - levels.begin() - 1);
+            code =
+                std::uint16_t(std::upper_bound(levels.begin(), levels.end(), normal(generator)) - levels.begin() - 1);
         const auto all = quantities(layout(clsp::CaptureScene::kDark, false), codes);
         EXPECT_EQ(value(all, "code_width_period"), double(period));
         EXPECT_NEAR(value(all, "code_width_wave"), 0.2, 4.0 * std::sqrt(2.0 / double(codes.size())));
@@ -196,7 +199,8 @@ TEST(Quantities, Flat) {
 }
 
 TEST(Quantities, SpeckleWithoutGrain) {
-    // Each pixel has a grain of its own: exponential law, and an autocorrelation that is a triangle of a pixel to each side.
+    // Each pixel has a grain of its own: exponential law, and an autocorrelation that is a triangle of a pixel to each
+    // side.
     std::mt19937_64 generator(4);
     std::exponential_distribution<double> exponential;
     std::normal_distribution<double> normal;
@@ -334,7 +338,8 @@ TEST(Quantities, WhatCannotBeToldIsNaN) {
     const auto board = quantities(layout(clsp::CaptureScene::kBoard, true), black);
     EXPECT_TRUE(std::isnan(value(board, "contrast")));
     EXPECT_TRUE(std::isnan(value(board, "grain_width_x")));
-    EXPECT_THROW(clsp::sequence_quantities(layout(clsp::CaptureScene::kFlat, false), 0, nullptr, kFrames, {}, 1), clsp::Error);
+    EXPECT_THROW(clsp::sequence_quantities(layout(clsp::CaptureScene::kFlat, false), 0, nullptr, kFrames, {}, 1),
+                 clsp::Error);
 }
 
 TEST(Quantities, ListDependsOnTheLayoutAlone) {
@@ -406,7 +411,8 @@ TEST(PhotonTransfer, ErrorsAreThoseOfRepeatedFits) {
     std::mt19937_64 generator(11);
     std::normal_distribution<double> normal;
     constexpr int kFits = 4000; // a deviation to 1.1 %: five of these are 5.6 %
-    double gain = 0.0, gain_square = 0.0, intercept = 0.0, intercept_square = 0.0, gain_error = 0.0, intercept_error = 0.0;
+    double gain = 0.0, gain_square = 0.0, intercept = 0.0, intercept_square = 0.0, gain_error = 0.0,
+           intercept_error = 0.0;
     for (int k = 0; k < kFits; ++k) {
         std::vector<clsp::TransferPoint> points;
         for (const double signal : {0.0, 80.0, 200.0, 500.0}) {
@@ -430,7 +436,8 @@ TEST(PhotonTransfer, OneLevelIsNoLine) {
     EXPECT_FALSE(clsp::fit_photon_transfer({point(200, 66), point(202, 67)}, 959.0).fitted);
     EXPECT_FALSE(clsp::fit_photon_transfer({point(0, 16)}, 959.0).fitted);
     EXPECT_FALSE(clsp::fit_photon_transfer({}, 959.0).fitted);
-    EXPECT_FALSE(clsp::fit_photon_transfer({point(0, 16), point(800, 200)}, 959.0).fitted) << "the other one is clipped";
+    EXPECT_FALSE(clsp::fit_photon_transfer({point(0, 16), point(800, 200)}, 959.0).fitted)
+        << "the other one is clipped";
 }
 
 } // namespace

@@ -1,4 +1,5 @@
-// Sums over rows: the bits of sixteen plain sums side by side, whatever vectors this processor has, and right by float64.
+// Sums over rows: the bits of sixteen plain sums side by side, whatever vectors this processor has, and right by
+// float64.
 #include "statistics/sums.hpp"
 
 #include <gtest/gtest.h>
@@ -98,8 +99,8 @@ TEST(Sums, RowsAreWhatTheySay) {
         residual_codes(rest.data(), codes.data(), scale, b.data(), count);
         for (std::size_t i = 0; i < kLongest; ++i) {
             const bool in = i < count;
-            volatile const float square = b[i] * b[i], lifted = float(codes[i]) - scale.black, scaled = scale.factor * lifted,
-                                 code = scaled - scale.shift;
+            volatile const float square = b[i] * b[i], lifted = float(codes[i]) - scale.black,
+                                 scaled = scale.factor * lifted, code = scaled - scale.shift;
             EXPECT_EQ(added[i], in ? a[i] + b[i] : a[i]);
             EXPECT_EQ(squares[i], in ? a[i] + square : a[i]);
             EXPECT_EQ(product[i], in ? a[i] * b[i] : 0.0f);

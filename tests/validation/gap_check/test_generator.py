@@ -99,7 +99,8 @@ def test_same_seed_same_codes() -> None:
         assert not np.array_equal(first, generate_sequence(small, BY_NAME[name], effects, 4, 10))
 
 
-# Codes that may differ or not: another draw of the same law, another level, a clip that the flat may not reach, no light.
+# Codes that may differ or not: another draw of the same law, another level, a clip that the flat may not reach, no
+# light.
 MAY_DIFFER = {
     "defocus": {"board_static", "board_moving"},
     "tilt_blur": {"board_static", "board_moving"},

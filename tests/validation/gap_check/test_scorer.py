@@ -251,7 +251,11 @@ def test_intervals_at_every_level(width: float, held: list[int]) -> None:
     for index in range(100):
         value = 1.05 + scatter * NormalDist().inv_cdf((index + 0.5) / 100)
         half = width * 1.959964 * scatter
-        entry = {"effect": "defocus", "parameters": {"waves": value}, "intervals": {"waves": [value - half, value + half]}}
+        entry = {
+            "effect": "defocus",
+            "parameters": {"waves": value},
+            "intervals": {"waves": [value - half, value + half]},
+        }
         made.append(single("defocus", report("named", ["defocus"], ranking=[entry])))
     result = score(made, [])["calibration"]
     assert [row["held"] for row in result["levels"]] == pytest.approx(held, abs=1)
@@ -445,7 +449,9 @@ def test_tables_and_plots(tmp_path: Path) -> None:
     text = markdown(result)
     count = len(CATALOGUE) + 4  # singles and replicas
     low = 100 * wilson(count, count)[0]
-    assert f"| exactly named | b | 100.0 % | {low:.1f} to 100.0 % | {count} / {count} sets | at least 90 %: met |" in text
+    assert (
+        f"| exactly named | b | 100.0 % | {low:.1f} to 100.0 % | {count} / {count} sets | at least 90 %: met |" in text
+    )
     assert "left out: 1 (s9999" in text
     assert "`block_compression`" in text
     written = plot_score(json.loads(json.dumps(result)), tmp_path)

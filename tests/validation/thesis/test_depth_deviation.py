@@ -22,9 +22,9 @@ BLACK_DN, NOISE_DN, TOP_DN = 64.0, 4.0, 1023
 @pytest.mark.parametrize("polarization", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["office", "depth_map", "blender"])
 def test_errors_within_two_deviations(measured, name, polarization, f_number):
-    """90 to 98 % of the visible dots' depths, 99 % where grains are as wide as the dots (f/8). 95 % of 250 dots, the fewest, have a standard
-    deviation of 1.4 %: right deviations fail once in 4000 frames at the lower bound, and once in 60 at the upper one. Deviations that are too
-    small by 1.5 (82 %) fail in all but one of 1000. One seed."""
+    """90 to 98 % of the visible dots' depths, 99 % where grains are as wide as the dots (f/8). 95 % of 250 dots, the
+    fewest, have a standard deviation of 1.4 %: right deviations fail once in 4000 frames at the lower bound, and once
+    in 60 at the upper one. Deviations that are too small by 1.5 (82 %) fail in all but one of 1000. One seed."""
     scene = Scene(name)
     seen = truth(scene)
     pattern = scene.pattern()
@@ -70,7 +70,9 @@ def test_errors_within_two_deviations(measured, name, polarization, f_number):
     measured("dots", right.sum())
     measured("share within 2 standard deviations", share)
     measured("error along the line, RMS, px", np.sqrt(np.mean((error * rate[index])[right] ** 2)))
-    measured("median standard deviation, px", np.median((placed["depth_sd_m"] / placed["depth_m"] ** 2 * rate[index])[right]))
+    measured(
+        "median standard deviation, px", np.median((placed["depth_sd_m"] / placed["depth_m"] ** 2 * rate[index])[right])
+    )
     assert right.sum() > 250 and right.mean() > 0.97
     assert 0.90 <= share <= (0.99 if f_number > 6 else 0.98)
     assert "epipolar" not in result.summary.warnings

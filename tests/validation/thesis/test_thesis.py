@@ -1,4 +1,5 @@
-"""The repetition of the thesis's figures: small settings, verdicts that hold and that can fail, the command line, the page."""
+"""The repetition of the thesis's figures: small settings, verdicts that hold and that can fail, the command line, the
+page."""
 
 from __future__ import annotations
 

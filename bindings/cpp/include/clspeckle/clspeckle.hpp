@@ -1371,8 +1371,9 @@ template <typename Call> Diagnosis diagnose_with(const DiagnoseOptions &options,
 
 } // namespace detail
 
-/** Switches an effect of the caller's own, which has OpenCL source, on in a pipeline; Pipeline::clear_effect() takes its id. Not for the per-frame
- *  path. @param values its parameters in order; those left out take the middle between weak and strong. */
+/** Switches an effect of the caller's own, which has OpenCL source, on in a pipeline; Pipeline::clear_effect() takes
+ *  its id. Not for the per-frame path. @param values its parameters in order; those left out take the middle between
+ *  weak and strong. */
 inline void set_effect(const Pipeline &pipeline, const Hypothesis &hypothesis, const std::vector<double> &values = {}) {
     std::vector<ClspEffectParameter> parameters;
     ClspHypothesis described = detail::described(hypothesis, parameters);

@@ -21,7 +21,8 @@ ROOT = Path(__file__).resolve().parents[4]
 SMALL_GROUPS = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build")) / "lib" / "libsmall_groups.so"
 
 
-# By day GPUs' shape meets the stage's own tests (pytest_aperture_gpu) alone: on a CPU its kernels take the longest to compile.
+# By day GPUs' shape meets the stage's own tests (pytest_aperture_gpu) alone: on a CPU its kernels take the longest to
+# compile.
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.nightly)])
 def own(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[clspeckle.Context]:
     """Both shapes of the engine, whatever the device."""
@@ -76,7 +77,8 @@ def relative_error(got: np.ndarray, expected: np.ndarray) -> float:
     ids=lambda case: "{}x{} s{} guard{} D{}".format(*case),
 )
 def test_intensity_against_the_reference(own, measured, case):
-    """Relative L2 error below 2e-6; strips, column blocks and blocks that end anywhere; all ways to sum a pixel's samples."""
+    """Relative L2 error below 2e-6; strips, column blocks and blocks that end anywhere; all ways to sum a pixel's
+    samples."""
     height, width, oversampling, guard_px, diameter = case
     grid = phase.FieldGrid(width, height, oversampling, guard_px)
     irradiance = noise_image(height, width)
@@ -260,8 +262,8 @@ OPTICS = {
     ],
 )
 def test_sensor_in_the_last_pass(own, name, optics):
-    """Codes made with the intensity are those of the sensor behind it, bit for bit: also where the image's four quarters
-    are not of one size, and where a frame remembers the last one."""
+    """Codes made with the intensity are those of the sensor behind it, bit for bit: also where the image's four
+    quarters are not of one size, and where a frame remembers the last one."""
     shape = (48, 32) if name == "8 bits" else (45, 70)
     view = OPTICS[optics]
     grid = {key: value for key, value in view.items() if key != "degree_of_polarization"}
@@ -316,9 +318,9 @@ def test_large_codes_go_past_the_caches(own, dtype, height, polarization):
 
 @pytest.mark.parametrize("p", [1.0, 0.0])
 def test_lines_larger_than_the_last_cache(monkeypatch, measured, p):
-    """Pupil columns of 34 MB for each polarization, more than most processors' last cache has: on CPUs they go past the caches
-    in rows_forward and are asked for ahead in rows_inverse. A few rows are left over in both. Against the reference, and the sensor in
-    the last pass bit for bit the one behind the intensity."""
+    """Pupil columns of 34 MB for each polarization, more than most processors' last cache has: on CPUs they go past the
+    caches in rows_forward and are asked for ahead in rows_inverse. A few rows are left over in both. Against the
+    reference, and the sensor in the last pass bit for bit the one behind the intensity."""
     monkeypatch.setenv("CLSPECKLE_FFT", "auto")
     shape = (2100, 2048)
     with clspeckle.Context() as context:
@@ -397,7 +399,8 @@ def test_what_the_engine_does_not_take_goes_to_clfft(own):
 
 
 def test_both_shapes_keep_the_same_lines(monkeypatch):
-    """Both fill up the 255 lines of 512 inside the pupil: lanes their last column block, work-groups the last cache line of a row."""
+    """Both fill up the 255 lines of 512 inside the pupil: lanes their last column block, work-groups the last cache
+    line of a row."""
     sizes = {}
     for choice in ("cpu", "gpu"):
         monkeypatch.setenv("CLSPECKLE_FFT", choice)
@@ -437,7 +440,8 @@ print(info.fft_engine, info.fft_reason, sep="|")
     ids=["no room for a line", "room for fewer lines", "few work-items", "no room for a row", "columns need no room"],
 )
 def test_lines_fit_the_device_or_are_left_to_clfft(engine, shape, options, expected):
-    """On oclgrind's device with less local memory and smaller work-groups. In lanes columns are transformed where they lie."""
+    """On oclgrind's device with less local memory and smaller work-groups. In lanes columns are transformed where they
+    lie."""
     done = subprocess.run(
         ["oclgrind", *options, sys.executable, "-c", SMALL_DEVICE, *map(str, shape)],
         env={**os.environ, "CLSPECKLE_FFT": engine, "CLSPECKLE_DEVICE": "oclgrind"},
@@ -465,7 +469,8 @@ print(aperture.info().fft_engine, same, codes.std() > 100)
 
 @pytest.mark.parametrize(("height", "oversampling"), [(6, 1), (5, 2)])
 def test_the_sensor_takes_rows_alone_where_four_do_not_fit(height, oversampling):
-    """Rows of all four quarters share random numbers if local memory has room for them; the codes are the same without."""
+    """Rows of all four quarters share random numbers if local memory has room for them; the codes are the same
+    without."""
     for bytes_of_local in ("32768", "16384"):
         done = subprocess.run(
             ["oclgrind", "--local-mem-size", bytes_of_local, sys.executable, "-c", SMALL_CAMERA]

@@ -1,4 +1,5 @@
-"""Speckle that moves: the experiments of the thesis (3.2.4 to 3.2.6, 3.2.8) repeated with Motion, Phase and Aperture, and with real images."""
+"""Speckle that moves: the experiments of the thesis (3.2.4 to 3.2.6, 3.2.8) repeated with Motion, Phase and Aperture,
+and with real images."""
 
 from __future__ import annotations
 
@@ -12,9 +13,10 @@ import scipy.signal
 
 from reference import motion, phase
 
-# n = 2^17 independent samples: a field correlation has a standard error of at most 1 / sqrt(2 n) = 2e-3 per polarization. The slope of the bell
-# where it is 1/e is 0.77 per correlation length, so the length is known to 0.3 % and BOUND (3.5 errors of the intensity's) is never
-# reached by chance; a length that is off by 5 % would move the curve by 0.04.
+# n = 2^17 independent samples: a field correlation has a standard error of at most 1 / sqrt(2 n) = 2e-3 per
+# polarization. The slope of the bell where it is 1/e is 0.77 per correlation length, so the length is known to 0.3 %
+# and BOUND (3.5 errors of the intensity's) is never reached by chance; a length that is off by 5 % would move the curve
+# by 0.04.
 SHAPE = (256, 512)
 BOUND = 7e-3
 INTRINSICS = (2e5, 2e5, 255.5, 127.5)  # narrow, so that all pixels look along the axis
@@ -63,7 +65,8 @@ def correlation(a, b):
 
 @pytest.mark.parametrize("kind", LENGTHS)
 def test_correlation_lengths_of_the_three_motions(context, measured, kind):
-    """From the ACF of the field against displacement, each set length comes back within 1 % (asked: 5 %), and the curve is the bell."""
+    """From the ACF of the field against displacement, each set length comes back within 1 % (asked: 5 %), and the curve
+    is the bell."""
     experiment = Experiment(context)
     start = experiment.field()
     step = 0.1 * LENGTHS[kind]
@@ -75,14 +78,16 @@ def test_correlation_lengths_of_the_three_motions(context, measured, kind):
     length = np.interp(-np.exp(-1), -np.array(curve), displacement)
     measured(f"relative error of the {kind} length", abs(length / LENGTHS[kind] - 1))
     assert abs(length / LENGTHS[kind] - 1) < 0.01
-    # The board's edge is half a milliradian off the axis: a rotation about its centre moves it by up to 1.3 mm times the angle.
+    # The board's edge is half a milliradian off the axis: a rotation about its centre moves it by up to 1.3 mm times
+    # the angle.
     difference = np.abs(curve - phase.path_correlation(displacement / LENGTHS[kind])).max()
     measured("difference from the bell", difference)
     assert difference < BOUND
 
 
 def test_seven_micrometre_steps_give_the_curve_of_large_ones(context, measured):
-    """The thesis's step: 140 frames of 7 um against 7 of 140 um; the same autocorrelation within the statistical error."""
+    """The thesis's step: 140 frames of 7 um against 7 of 140 um; the same autocorrelation within the statistical
+    error."""
     fine, coarse = Experiment(context, seed=42), Experiment(context, seed=43)
     fine_start, coarse_start = fine.field(), coarse.field()
     for _ in range(7):
@@ -106,8 +111,9 @@ def test_a_surface_that_lives(context, measured):
 
 
 def test_intensity_behind_the_aperture(context, measured):
-    """The intensity's autocorrelation is |R|^2 (Siegert). At D = 0.5 the 2^17 pixels hold about n = pi/16 * 2^17 = 25700 independent speckles: a
-    standard error of at most 2 / sqrt(n) = 0.0125; averaged over four boards 0.0062, the bound is 3.5 of them."""
+    """The intensity's autocorrelation is |R|^2 (Siegert). At D = 0.5 the 2^17 pixels hold about n = pi/16 * 2^17 =
+    25700 independent speckles: a standard error of at most 2 / sqrt(n) = 0.0125; averaged over four boards 0.0062, the
+    bound is 3.5 of them."""
     aperture = clspeckle.Aperture(SHAPE, relative_diameter=0.5, context=context)
     ideal = np.ones(SHAPE, np.float32)
     curves = []
@@ -139,7 +145,8 @@ def test_the_rule_of_the_thesis(context):
         assert not moves or not np.any(state.field(0) == start)
 
 
-# --- 41 images of speckle behind ground glass while a pinhole moves in steps of 0.05 mm (CONTRIBUTING.md says where it is). ---
+# --- 41 images of speckle behind ground glass while a pinhole moves in steps of 0.05 mm: CONTRIBUTING.md says where
+# they are. ---
 
 
 def spark_image(index):
@@ -155,8 +162,8 @@ STEP_PX = 8  # 7.9 measured
 
 @pytest.fixture(scope="module")
 def spark():
-    """The measured series, or none; of each statistic the mean over all pairs of images that many steps apart, and as its spread the standard
-    deviation over these pairs (26 to 40)."""
+    """The measured series, or none; of each statistic the mean over all pairs of images that many steps apart, and as
+    its spread the standard deviation over these pairs (26 to 40)."""
     if not SPARK.is_dir():
         pytest.skip("CLSPECKLE_TEST_DATA names no folder of published images")
     series = motion.Series([spark_image(k) for k in range(-20, 21)])
@@ -172,8 +179,8 @@ def noisy(intensity, fraction, rng):
 
 
 class Translation:
-    """A field around the images that moves with its surface by STEP_PX to the left, as theirs does. The border holds what reaches into the images
-    from outside; the padding of the transform would be drawn anew with each step."""
+    """A field around the images that moves with its surface by STEP_PX to the left, as theirs does. The border holds
+    what reaches into the images from outside; the padding of the transform would be drawn anew with each step."""
 
     def __init__(self, context, border, seed):
         self.border = border
@@ -192,7 +199,8 @@ class Translation:
 
 
 def fading_series(context, length_steps, noise_fraction, seed, count=25):
-    """Speckle of the images' width (ACF 7.1 px wide at half height: D = 1.03 / 7.1 of a circular pupil) that moves, fades and is noisy."""
+    """Speckle of the images' width (ACF 7.1 px wide at half height: D = 1.03 / 7.1 of a circular pupil) that moves,
+    fades and is noisy."""
     rng = np.random.default_rng(seed)
     scene = Translation(context, 4 * STEP_PX, seed)
     aperture = clspeckle.Aperture(scene.shape, relative_diameter=1.03 / 7.1, context=context)
@@ -207,7 +215,8 @@ def fading_series(context, length_steps, noise_fraction, seed, count=25):
 
 
 def pinhole_series(context, length_steps, noise_fraction, seed, count=25):
-    """The experiment itself: a field that moves and does not fade, seen through the pinhole (100 um, two steps wide: 16 px)."""
+    """The experiment itself: a field that moves and does not fade, seen through the pinhole (100 um, two steps wide: 16
+    px)."""
     rng = np.random.default_rng(seed)
     scene = Translation(context, STEP_PX, seed)
     images = []
@@ -226,10 +235,11 @@ def means_of(simulate, statistic):
 
 
 def test_translation_series_of_real_speckle(context, measured, spark):
-    """Correlation against step at the place to which the speckle has moved, with one fitted length: the field that fades as R^2 lies within two
-    spreads of the measurement at all steps (0.014 to 0.024; a spread is 0.007 to 0.012). The two are not the same curve: the measured one is that
-    of a pinhole (below), and R^2 with the best length differs from it by up to 0.017 (1.8 spreads), below it at steps 3 to 6 and above it at 9
-    to 13. Of a single series of about 6000 speckles the simulation has an error of 0.01; two are averaged."""
+    """Correlation against step at the place to which the speckle has moved, with one fitted length: the field that
+    fades as R^2 lies within two spreads of the measurement at all steps (0.014 to 0.024; a spread is 0.007 to 0.012).
+    The two are not the same curve: the measured one is that of a pinhole (below), and R^2 with the best length differs
+    from it by up to 0.017 (1.8 spreads), below it at steps 3 to 6 and above it at 9 to 13. Of a single series of about
+    6000 speckles the simulation has an error of 0.01; two are averaged."""
     series, table = spark
     mean, spread = table["registered"]
     rate = -series.position[-1, 1] / (len(series.spectra) - 1)
@@ -243,10 +253,11 @@ def test_translation_series_of_real_speckle(context, measured, spark):
 
 
 def test_pinhole_explains_the_tail_of_the_peak(context, measured, spark):
-    """The largest value anywhere, the usual measure, has a heavier tail than the value at the place of the speckle: from step 8 on the peak
-    splits in two, 11 px apart at step 12. That is optics, not the surface: the glass is lit by the Airy pattern of the pinhole, which slides over
-    it. Its curve, 2 J1(x) / x squared, meets the registered correlations within half a spread with one fitted length and white noise, and the
-    field that Phase moves without fading, seen through that pinhole, follows both statistics."""
+    """The largest value anywhere, the usual measure, has a heavier tail than the value at the place of the speckle:
+    from step 8 on the peak splits in two, 11 px apart at step 12. That is optics, not the surface: the glass is lit by
+    the Airy pattern of the pinhole, which slides over it. Its curve, 2 J1(x) / x squared, meets the registered
+    correlations within half a spread with one fitted length and white noise, and the field that Phase moves without
+    fading, seen through that pinhole, follows both statistics."""
     series, table = spark
     mean, spread = table["registered"]
     rate = -series.position[-1, 1] / (len(series.spectra) - 1)
@@ -258,9 +269,9 @@ def test_pinhole_explains_the_tail_of_the_peak(context, measured, spark):
     simulated = means_of(simulate, "registered")
     measured("registered: spreads", np.abs((simulated - mean) / spread).max())
     assert np.all(np.abs(simulated - mean) < spread)
-    # Up to 0.022 too high. At steps 1 to 7, 0.01 is owed to the images' 7.9 px a step: their highest pixel misses the peak by up to half a pixel.
-    # Of the 0.02 at steps 8 to 12, 0.01 is the chance of one measured series and the rest is not explained. A field that only fades is 0.05 too
-    # low there.
+    # Up to 0.022 too high. At steps 1 to 7, 0.01 is owed to the images' 7.9 px a step: their highest pixel misses the
+    # peak by up to half a pixel. Of the 0.02 at steps 8 to 12, 0.01 is the chance of one measured series and the rest
+    # is not explained. A field that only fades is 0.05 too low there.
     difference = means_of(simulate, "maximum") - table["maximum"][0]
     for step, found in zip(STEPS, difference):
         measured(f"maximum at step {step}: difference", abs(found))
@@ -270,6 +281,8 @@ def test_pinhole_explains_the_tail_of_the_peak(context, measured, spark):
     profile = np.zeros(3)
     for k in series.pairs(12):
         dy, dx = series.position[k + 12] - series.position[k]
-        profile += series.at(series.spectra[k], series.spectra[k + 12], np.array([dy]), dx + sides)[0] / len(series.pairs(12))
+        profile += series.at(series.spectra[k], series.spectra[k + 12], np.array([dy]), dx + sides)[0] / len(
+            series.pairs(12)
+        )
     measured("valley over the lower peak", profile[1] / min(profile[0], profile[2]))
     assert profile[1] < 0.5 * min(profile[0], profile[2])

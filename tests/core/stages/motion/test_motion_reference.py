@@ -34,7 +34,8 @@ def pose(axis, angle, translation):
 @pytest.mark.parametrize("along_ray", [False, True])
 @pytest.mark.parametrize("given", MOTIONS)
 def test_rigid_motion_of_a_depth_image(context, measured, given, along_ray):
-    """All outputs within 1e-6 relative; micrometres keep their digits at 1 m, where float32 positions have steps of 0.06 um."""
+    """All outputs within 1e-6 relative; micrometres keep their digits at 1 m, where float32 positions have steps of
+    0.06 um."""
     transform = pose(*given)
     depth = relief()
     kind = "along_ray" if along_ray else "along_axis"
@@ -115,7 +116,8 @@ def plane_scene(transform):
 
 @pytest.mark.parametrize("given", [((0.2, 0.3, 1), 1e-3, (3e-4, -2e-4, 5e-4)), ((0, 1, 0), 4e-3, (0, 0, 0))])
 def test_motion_vectors_and_the_previous_depth(context, measured, given):
-    """A tilted plane: depth interpolated between pixels finds the exact displacement, to what single-precision vectors allow."""
+    """A tilted plane: depth interpolated between pixels finds the exact displacement, to what single-precision vectors
+    allow."""
     transform = pose(*given)
     now, before, vectors, before_depth, before_normal, normal = plane_scene(transform)
     moving = clspeckle.Motion(SHAPE, intrinsics=INTRINSICS, context=context)
@@ -148,7 +150,8 @@ def test_motion_vectors_and_the_previous_depth(context, measured, given):
 
 @pytest.mark.parametrize("angle", [1e-3, -4e-3, 0.1])
 def test_roll_from_the_curl_of_motion_vectors(context, angle):
-    """A wall that spins about the viewing axis: its normals stay, the curl of the vectors does not. Within 1e-6 rad, or 1e-5 of it."""
+    """A wall that spins about the viewing axis: its normals stay, the curl of the vectors does not. Within 1e-6 rad, or
+    1e-5 of it."""
     depth = np.ones(SHAPE, np.float32)
     fx, _, cx, cy = INTRINSICS
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(np.float64)
@@ -166,7 +169,8 @@ def test_roll_from_the_curl_of_motion_vectors(context, angle):
 
 
 def test_what_was_hidden_is_new(context):
-    """A box in front of a wall moves five pixels to the right: where it was, wall appears. Another material at the same depth is new, too."""
+    """A box in front of a wall moves five pixels to the right: where it was, wall appears. Another material at the same
+    depth is new, too."""
     depth, previous = (np.full(SHAPE, 2.0, np.float32) for _ in range(2))
     depth[10:30, 25:35] = previous[10:30, 20:30] = 1.0
     vectors = np.zeros((*SHAPE, 2), np.float32)
@@ -190,9 +194,7 @@ def test_what_was_hidden_is_new(context):
     transforms[1, 0, 3] = -5 / INTRINSICS[0]
     bodies = clspeckle.Motion(SHAPE, intrinsics=INTRINSICS, materials=table, context=context)
     found = bodies.compute(
-        clspeckle.MotionInput(
-            depth=depth, material=ids, previous_from_current=transforms, previous_depth=previous
-        ),
+        clspeckle.MotionInput(depth=depth, material=ids, previous_from_current=transforms, previous_depth=previous),
         ("path", "shift"),
     )
     expected[40, 50] = False
@@ -205,9 +207,13 @@ def test_what_was_hidden_is_new(context):
 def test_materials_have_their_own_lengths_and_times(context, measured):
     materials = [
         clspeckle.Material(),
-        clspeckle.Material(lateral_correlation_length_m=np.inf, axial_correlation_length_m=1e-3, correlation_time_s=0.1),
+        clspeckle.Material(
+            lateral_correlation_length_m=np.inf, axial_correlation_length_m=1e-3, correlation_time_s=0.1
+        ),
         clspeckle.Material(rotation_correlation_angle_rad=np.inf, correlation_time_s=0.0),
-        clspeckle.Material(lateral_correlation_length_m=1e-4, rotation_correlation_angle_rad=0.1, correlation_time_s=3.0),
+        clspeckle.Material(
+            lateral_correlation_length_m=1e-4, rotation_correlation_angle_rad=0.1, correlation_time_s=3.0
+        ),
     ]
     table = clspeckle.MaterialTable(materials, context=context)
     moving = clspeckle.Motion(SHAPE, intrinsics=INTRINSICS, materials=table, context=context)
@@ -246,9 +252,7 @@ def test_nothing_moves_and_the_path_is_exactly_zero(context):
         clspeckle.MotionInput(
             depth=depth, motion=np.zeros((*SHAPE, 2)), previous_depth=depth, normal=normal, previous_normal=normal
         ),
-        clspeckle.MotionInput(
-            position=now, motion=np.zeros((*SHAPE, 2)), previous_position=now, roll_from_motion=True
-        ),
+        clspeckle.MotionInput(position=now, motion=np.zeros((*SHAPE, 2)), previous_position=now, roll_from_motion=True),
     ):
         found = moving.compute(given, ("path", "shift", "mask", "correlation"))
         assert not found["path"].any() and not found["shift"].any() and not found["mask"].any()

@@ -29,7 +29,8 @@ def dots(context, texels=2048, sigma=8e-4, count=7):
 
 
 def energies(image, directions, distance, pose=BASELINE):
-    """The light of every dot over the wall: what its pixels show, times pi d^2 over their solid angle from the laser."""
+    """The light of every dot over the wall: what its pixels show, times pi d^2 over their solid angle from the
+    laser."""
     pose = np.asarray(pose, np.float64)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     ray = np.stack([(x - INTRINSICS[2]) / FOCAL, (y - INTRINSICS[3]) / FOCAL, np.ones_like(x)], axis=-1) * distance
@@ -67,7 +68,8 @@ def look(pattern, distance):
 
 @pytest.mark.parametrize("texels", [512, 2048, 4096])
 def test_energy_per_dot_from_near_to_far(context, measured, texels):
-    """Every dot's light within 1 % from 0.4 m to 5 m, pixels from 2 to 18 texels wide; the bilinear lookup is far off."""
+    """Every dot's light within 1 % from 0.4 m to 5 m, pixels from 2 to 18 texels wide; the bilinear lookup is far
+    off."""
     made, directions = dots(context, texels)
     area, bilinear = (
         made.pattern(filter="area", laser_from_geometry=BASELINE),
@@ -122,7 +124,8 @@ def test_mean_of_an_even_pattern(context, taps):
 
 
 def test_turned_camera(context, measured):
-    """The camera rolled by 0.3 rad against the pattern, dots about as wide as a pixel: two taps keep each dot within 1 %."""
+    """The camera rolled by 0.3 rad against the pattern, dots about as wide as a pixel: two taps keep each dot within 1
+    %."""
     made, directions = dots(context, sigma=1.6e-3, count=5)
     pose = np.hstack([Rotation.from_rotvec([0, 0, 0.3]).as_matrix(), [[0.0], [0.0], [0.0]]])
     seen = inside(directions, 1.0, pose)

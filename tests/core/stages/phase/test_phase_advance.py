@@ -13,7 +13,9 @@ from reference import phase
 GRIDS = [(64, 64, 1, 0), (33, 55, 1, 0), (17, 29, 1, 0), (17, 19, 2, 5)]
 
 
-def make(context, grid, seed=12, polarization_count=2, dynamics="continuous", translate=False, field="circular_gaussian"):
+def make(
+    context, grid, seed=12, polarization_count=2, dynamics="continuous", translate=False, field="circular_gaussian"
+):
     height, width, oversampling, guard_px = grid
     state = clspeckle.Phase(
         (height, width),
@@ -27,7 +29,11 @@ def make(context, grid, seed=12, polarization_count=2, dynamics="continuous", tr
         context=context,
     )
     expected = phase.MovingPhaseState(
-        phase.FieldGrid(width, height, oversampling, guard_px), field, polarization_count, seed, dynamics == "continuous"
+        phase.FieldGrid(width, height, oversampling, guard_px),
+        field,
+        polarization_count,
+        seed,
+        dynamics == "continuous",
     )
     return state, expected
 
@@ -46,8 +52,8 @@ def random_path(shape, rng):
 @pytest.mark.parametrize("polarization_count", [1, 2])
 @pytest.mark.parametrize("grid", GRIDS)
 def test_advance_of_a_seed(context, measured, grid, polarization_count):
-    """Paths, correlations, masks and substeps, mixed over eight steps: z within 2e-5 of the reference (t is exact to 2^-32, so what is left
-    is the single-precision product of path and knots and the rounding of cos and sin)."""
+    """Paths, correlations, masks and substeps, mixed over eight steps: z within 2e-5 of the reference (t is exact to
+    2^-32, so what is left is the single-precision product of path and knots and the rounding of cos and sin)."""
     state, expected = make(context, grid, polarization_count=polarization_count)
     rng = np.random.default_rng(7)
     state.refresh(0)
@@ -204,7 +210,8 @@ def smooth_shift(grid):
 @pytest.mark.parametrize("dynamics", ["replace", "continuous"])
 @pytest.mark.parametrize("grid", [(24, 32, 1, 0), (17, 29, 1, 0), (15, 18, 2, 3)])
 def test_shift_of_a_growing_surface(context, grid, dynamics):
-    """Four frames of a motion that spreads samples against the reference, with a mask and a path on top; no grain is there twice."""
+    """Four frames of a motion that spreads samples against the reference, with a mask and a path on top; no grain is
+    there twice."""
     state, expected = make(context, grid, dynamics=dynamics, translate=True)
     state.refresh(0)
     expected.refresh(0)
@@ -253,9 +260,10 @@ def test_save_and_restore_with_the_rest_of_the_shift(context, grid):
     assert saved.size == sample_bytes * state.grid_shape[0] * state.grid_shape[1]
 
 
-# --- Laws. n = 2^18 samples and two polarizations, fixed seed. The mean of z z'* over n independent pairs has a standard error of at most
-# 1/sqrt(2n) = 1.4e-3 (of the real part), and t, which both polarizations share, adds at most that of R: bounds are 5e-3, 3.5 errors. A process
-# with correlations of an exponential, exp(-p), would miss the bell's 0.974 at p = 0.15 by 0.11. ---
+# --- Laws. n = 2^18 samples and two polarizations, fixed seed. The mean of z z'* over n independent pairs has a
+# standard error of at most 1/sqrt(2n) = 1.4e-3 (of the real part), and t, which both polarizations share, adds at most
+# that of R: bounds are 5e-3, 3.5 errors. A process with correlations of an exponential, exp(-p), would miss the bell's
+# 0.974 at p = 0.15 by 0.11. ---
 
 N = (512, 512, 1, 0)
 BOUND = 5e-3
@@ -293,7 +301,8 @@ def test_correlation_over_the_path_is_the_bell(context, measured, start, step):
 
 
 def test_correlation_length_is_the_path_of_one(context, start):
-    """1/e at a path of 1: where the measured curve crosses 1/e lies within 2 % of it (its slope there is -0.77, so BOUND is 0.7 %)."""
+    """1/e at a path of 1: where the measured curve crosses 1/e lies within 2 % of it (its slope there is -0.77, so
+    BOUND is 0.7 %)."""
     steps = np.arange(1, 41) * 0.03
     found = measure(context, start, [0.03] * 40, range(1, 41))
     crossing = np.interp(-np.exp(-1), -found, steps)
@@ -301,8 +310,8 @@ def test_correlation_length_is_the_path_of_one(context, start):
 
 
 def test_fields_stay_circular_gaussian(context):
-    """After many steps of path and time |z|^2 is exponential with mean 1 (Kolmogorov-Smirnov at level 1e-3; a mean off by 3 % would be
-    rejected), the polarizations are independent, and t is still uniform."""
+    """After many steps of path and time |z|^2 is exponential with mean 1 (Kolmogorov-Smirnov at level 1e-3; a mean off
+    by 3 % would be rejected), the polarizations are independent, and t is still uniform."""
     state, _ = make(context, N, seed=32)
     state.refresh(0)
     for index in range(1, 12):

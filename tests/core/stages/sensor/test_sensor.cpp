@@ -125,12 +125,14 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"column noise alone", [](ClspSensorDesc &d) { d.read_noise_dn = 0, d.column_noise_dn = 3; }},
         {"dark frame", [&](ClspSensorDesc &d) { d.dark_frame_dn = dark_frame.data(); }},
         {"gain map", [&](ClspSensorDesc &d) { d.gain_map = gain_map.data(); }},
-        {"gain map and cold pixels", [&](ClspSensorDesc &d) { d.gain_map = gain_map.data(), d.cold_pixel_fraction = 0.1; }},
+        {"gain map and cold pixels",
+         [&](ClspSensorDesc &d) { d.gain_map = gain_map.data(), d.cold_pixel_fraction = 0.1; }},
         {"not quantized", [](ClspSensorDesc &d) { d.quantize = 0; }},
         {"few bits", [](ClspSensorDesc &d) { d.effective_bits = 6; }},
         {"dark current", [](ClspSensorDesc &d) { d.conversion_gain_dn_per_e = 0.5, d.dark_current_e_per_s = 3000; }},
         {"row offsets", [](ClspSensorDesc &d) { d.row_offset_dn = 3; }},
-        {"a wave", [](ClspSensorDesc &d) {
+        {"a wave",
+         [](ClspSensorDesc &d) {
              d.periodic_offset_dn = 5, d.periodic_frequency_x = 0.213, d.periodic_frequency_y = -0.07;
          }},
         {"dull pixels", [](ClspSensorDesc &d) { d.dull_pixel_fraction = 0.1; }},
@@ -241,12 +243,16 @@ TEST_F(Sensor, GainMapMultipliesTheLightAndEveryOtherGain) {
     drawn.exposure_gain_dn = 500;
     drawn.prnu = 0.05;
     drawn.cold_pixel_fraction = 0.1;
-    const auto plain = expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
+    const auto plain =
+        expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
     drawn.gain_map = desc.gain_map;
     drawn.gain_map_pitch_bytes = desc.gain_map_pitch_bytes;
-    const auto both = expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
+    const auto both =
+        expose<float>(clspeckle::Sensor(context, drawn), std::vector<float>(width * height, 0.5f), CLSP_FORMAT_FLOAT32);
     for (std::size_t i = 0; i < both.size(); ++i)
-        ASSERT_NEAR((plain[i] * 1023 - 64) * gain(i % width, static_cast<std::uint32_t>(i / width)), both[i] * 1023 - 64, 1.1) << i;
+        ASSERT_NEAR((plain[i] * 1023 - 64) * gain(i % width, static_cast<std::uint32_t>(i / width)),
+                    both[i] * 1023 - 64, 1.1)
+            << i;
 }
 
 TEST_F(Sensor, IntensityThatIsNoneCountsAsZero) {

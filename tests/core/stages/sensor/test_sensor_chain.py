@@ -500,7 +500,9 @@ def test_configure_makes_the_same_sensor_as_a_new_one(context):
     dark = np.random.default_rng(57).normal(0, 3, SHAPE).astype(np.float32)
     image = intensity_image()
     gains = np.random.default_rng(58).normal(1, 0.02, SHAPE).astype(np.float32)
-    stage = clspeckle.Sensor(SHAPE, context=context, bits=12, seed=3, dark_frame_dn=dark, gain_map=gains, exposure_gain_dn=800.0)
+    stage = clspeckle.Sensor(
+        SHAPE, context=context, bits=12, seed=3, dark_frame_dn=dark, gain_map=gains, exposure_gain_dn=800.0
+    )
     before = stage.expose(image, frame_index=2)
     for changes in ({"prnu": 0.1}, {"row_noise_dn": 4.0, "prnu": 0.0}, {"lag_fraction": 0.5}, {"bits": 10}, {}):
         stage.configure(**changes)

@@ -68,8 +68,9 @@ def test_nonuniformity(context, measured):
 
 def test_nonuniformity_of_columns_and_rows(context, measured):
     """Gains and offsets of columns, gains of rows and pixels at once, 16 frames each in the dark and at half of
-    saturation. 256 columns or rows know a standard deviation to 4.4 %: 4 standard errors, 18 % (size 6e-5), find one that
-    is off by a third with a power of 0.99. Gains multiply the light alone: the frames in the dark are those without."""
+    saturation. 256 columns or rows know a standard deviation to 4.4 %: 4 standard errors, 18 % (size 6e-5), find one
+    that is off by a third with a power of 0.99. Gains multiply the light alone: the frames in the dark are those
+    without."""
     gains = {"column_prnu": 0.02, "row_prnu": 0.006}
     stage = clspeckle.Sensor(SHAPE, context=context, **CAMERA, column_offset_dn=3.0, **gains)
     even = clspeckle.Sensor(SHAPE, context=context, **CAMERA, column_offset_dn=3.0)
