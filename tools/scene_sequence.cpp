@@ -81,7 +81,8 @@ std::vector<ClspMaterial> load_materials(const Json &list, const std::string &pa
             if (!value.is_number() && value != "inf")
                 throw InputError(fmt::format("{}: \"{}\" of the material {} must be a number or \"inf\", got {}", path,
                                              key, index, shown(value)));
-            table[index].*(known->value) = value.is_number() ? value.get<double>() : std::numeric_limits<double>::infinity();
+            table[index].*(known->value) =
+                value.is_number() ? value.get<double>() : std::numeric_limits<double>::infinity();
             has_time |= key == "correlation_time_s";
         }
         const Json &living = member_of(entry, "living", no);
