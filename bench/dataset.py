@@ -3,9 +3,11 @@
 
 Pairs of 640 x 480 pixels have a camera of their own (f-number, read noise, bits) and one to three random effects of all
 that an image can have. First one process makes pairs, each several times: the first time builds programs, the fastest
-of the others counts, by the processor time of all threads. Then whole sets are written with one worker and with two, to
-files, by the clock; programs that a worker must build first count. Processor time means more than the clock where other
-programs run beside it.
+of the others counts, by the processor time of all threads. Then whole sets are written to files, by the clock, in
+rounds of which the median counts; programs that a worker must build first count. WORKERSxTHREADS names a run: 1x1 is
+one worker whose PoCL has one thread, 2x1 two of them, 1 this process with all cores. What two processes on this machine
+can gain at all is measured beside it, in the same rounds: each transforms images in NumPy, and they share nothing.
+Processor time means more than the clock where other programs run beside it.
 
     .venv/bin/python bench/dataset.py --effects
 """
@@ -13,6 +15,7 @@ programs run beside it.
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import resource
 import statistics
 import tarfile
@@ -86,11 +89,61 @@ def processor_seconds() -> float:
     return sum(use.ru_utime + use.ru_stime for use in both)
 
 
+def transform(count: int) -> None:
+    """About as long as `count` pairs, and no less memory."""
+    image = np.ones((480, 640), np.complex64)
+    for _ in range(count):
+        image = np.fft.ifft2(np.fft.fft2(image)).astype(np.complex64)
+
+
+def transforms_a_second(processes: int, count: int) -> float:
+    spawn = multiprocessing.get_context("spawn")
+    with spawn.Pool(processes) as pool:
+        pool.map(transform, [1] * processes, 1)  # started, and NumPy is loaded
+        begin = time.monotonic()
+        pool.map(transform, [count // processes] * processes, 1)
+        return count / (time.monotonic() - begin)
+
+
+class Sets:
+    """Sets that are written, in rounds."""
+
+    def __init__(self, recipe: dataset.Recipe, folder: Path, count: int) -> None:
+        self._recipe, self._folder, self._count = recipe, folder, count
+        self.rates: dict[str, list[float]] = defaultdict(list)
+        self.spent: dict[str, list[float]] = defaultdict(list)
+
+    def write(self, run: str) -> None:
+        workers, _, threads = run.partition("x")
+        wall, processor = time.monotonic(), processor_seconds()
+        with tempfile.TemporaryDirectory(dir=self._folder) as name:
+            dataset.write(
+                self._recipe,
+                name,
+                count=self._count,
+                shard_size=max(1, self._count // 10),
+                workers=int(workers),
+                threads=int(threads) if threads else None,
+            )
+        self.rates[run].append(self._count / (time.monotonic() - wall))
+        self.spent[run].append(1e3 * (processor_seconds() - processor) / self._count)
+
+    def table(self) -> str:
+        lines = ["| run | pairs a second | processor time of a pair, ms | to the first |", "|---|---|---|---|"]
+        first = next(iter(self.rates.values()))
+        for run, rates in self.rates.items():
+            ratio = statistics.median(rate / one for rate, one in zip(rates, first, strict=True))
+            spent = statistics.median(self.spent[run])
+            lines.append(f"| {run} | {statistics.median(rates):.1f} | {spent:.1f} | {ratio:.2f} |")
+        return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=100, help="that are timed in parts (default 100)")
     parser.add_argument("--set", type=int, default=400, help="pairs of a written set; 0: none (default 400)")
-    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="of those sets (default 1 2)")
+    parser.add_argument("--runs", nargs="*", default=["1x1", "2x1", "1"], help="of those sets (default 1x1 2x1 1)")
+    parser.add_argument("--rounds", type=int, default=3, help="of those runs (default 3)")
     parser.add_argument("--width", type=int, default=640)
     parser.add_argument("--height", type=int, default=480)
     parser.add_argument("--effects", action="store_true", help="also what each effect's set_effect() costs")
@@ -124,17 +177,15 @@ def main() -> None:
             of_effects = [part for part in rows if part.startswith("effect ")]
             for part in sorted(of_effects, key=lambda part: -statistics.mean(rows[part])):
                 print(f"| {part[7:]} | {statistics.mean(rows[part]):.2f} | {len(rows[part])} |")
-        if arguments.set and arguments.workers:
-            print("\n| workers | pairs a second | processor time of a pair, ms | to one worker |\n|---|---|---|---|")
-        first = 0.0
-        for number, workers in enumerate(arguments.workers if arguments.set else []):
-            wall, processor = time.monotonic(), processor_seconds()
-            size = max(1, arguments.set // 10)
-            dataset.write(recipe, folder / str(number), count=arguments.set, shard_size=size, workers=workers)
-            rate = arguments.set / (time.monotonic() - wall)
-            first = first or rate
-            spent = 1e3 * (processor_seconds() - processor) / arguments.set
-            print(f"| {workers} | {rate:.1f} | {spent:.1f} | {rate / first:.2f} |")
+        if not arguments.set:
+            return
+        sets, gains = Sets(recipe, folder, arguments.set), []
+        for _ in range(arguments.rounds):
+            gains.append(transforms_a_second(2, arguments.set) / transforms_a_second(1, arguments.set))
+            for run in arguments.runs:
+                sets.write(run)
+        print(f"\n{arguments.set} pairs, {arguments.rounds} rounds\n\n{sets.table()}")
+        print(f"\nTwo processes that share nothing do {statistics.median(gains):.2f} times as much as one.")
 
 
 if __name__ == "__main__":

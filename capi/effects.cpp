@@ -4,6 +4,7 @@
 #include "effects/pipeline_model.hpp"
 #include "fields.hpp"
 #include "handles.hpp"
+#include "pipeline/pipeline.hpp"
 #include "status.hpp"
 #include "texts.hpp"
 
@@ -106,6 +107,27 @@ CLSP_API ClspStatus clspEffectGetInfo(uint32_t index, ClspEffectInfo *info) {
 CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id, const double *values, uint32_t count) {
     return guarded("clspPipelineSetEffect",
                    [&] { object(pipeline)->set_effect(&required(id, "id"), values, count); });
+}
+
+CLSP_API ClspStatus clspPipelineSetEffects(ClspPipeline pipeline, uint32_t count, const ClspEffectSetting *effects) {
+    return guarded("clspPipelineSetEffects", [&] {
+        const auto p = object(pipeline);
+        if (count > 0)
+            required(effects, "effects");
+        Pipeline::Effects wanted;
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const ClspEffectSetting &one = effects[i];
+            const std::string name = fmt::format("effects[{}]", i);
+            check_reserved(one.reserved, (name + ".reserved").c_str());
+            const Effect &effect = find_effect(&required(one.id, (name + ".id").c_str()));
+            if (!wanted.emplace(effect.id, check_effect_values(effect, one.values, one.count)).second)
+                throw Error(Status::kInvalidArgument,
+                            fmt::format("{}.id is {}, which stands before it already; give each effect once", name,
+                                        effect.id));
+        }
+        if (count > 0)
+            p->set_effects(wanted);
+    });
 }
 
 CLSP_API ClspStatus clspPipelineClearEffect(ClspPipeline pipeline, const char *id) {

@@ -289,8 +289,12 @@ void add_dataset(CLI::App &app, DatasetArguments &a, bool &quiet) {
         ->type_name("webdataset|zarr")
         ->take_last()
         ->check(CLI::IsMember({"webdataset", "zarr"}));
-    app.add_option("--workers", a.workers,
-                   "Processes, each with its share of the cores, 1 to 65535 (default 1, or one for each device)")
+    app.add_option("--workers", a.workers, "Processes, 1 to 65535 (default 1, or one for each device)")
+        ->type_name("INTEGER")
+        ->take_last()
+        ->check(within<std::uint32_t>(1, 65535));
+    app.add_option("--threads", a.threads,
+                   "Of PoCL in each worker, 1 to 65535 (default the cores divided by the workers)")
         ->type_name("INTEGER")
         ->take_last()
         ->check(within<std::uint32_t>(1, 65535));

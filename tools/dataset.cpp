@@ -55,6 +55,7 @@ void run_dataset(const DatasetArguments &a, bool quiet) {
             words.insert(words.end(), {option, value});
     };
     add("--workers", a.workers > 0 ? fmt::format("{}", a.workers) : std::string());
+    add("--threads", a.threads > 0 ? fmt::format("{}", a.threads) : std::string());
     add("--devices", a.devices);
     add("--cluster", a.cluster);
     if (a.format != "webdataset")

@@ -20,6 +20,7 @@ struct DatasetArguments {
     std::uint64_t count = 0;
     std::uint32_t shard_size = 1000;
     std::uint32_t workers = 0; // not said: 1, or one for each device
+    std::uint32_t threads = 0; // not said: a share of the cores
     bool without_ideal = false;
 };
 

@@ -321,10 +321,11 @@ void Pipeline::configure(const PipelineModel &wanted) {
 void Pipeline::use_effects(Effects effects, std::optional<PixelMaps> maps) {
     keep_maps();
     PipelineModel base = base_ ? *base_ : model();
-    // What the host may have changed since: the exposure.
+    PipelineModel before = with_effects(base, effects_);
+    // What the host may have changed since: the exposure. What effects made of the one before is made anew.
     if (base.sensor)
-        base.sensor->exposure_gain_dn = stages_.sensor->parameters().exposure_gain_dn;
-    const PipelineModel before = with_effects(base, effects_);
+        base.sensor->exposure_gain_dn = before.sensor->exposure_gain_dn =
+            stages_.sensor->parameters().exposure_gain_dn;
     // A camera's maps come and go with it.
     const auto replaces = [&](const std::vector<float> &map, const KeptMap &kept) {
         return stages_.sensor && (!map.empty() || kept.of_camera);
@@ -819,7 +820,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         forget();
         return;
     }
-    const std::uint64_t epoch = phase.epoch();
+    const Phase::Origin origin = phase.origin();
     const DeviceBuffer saved(context_, phase.state_bytes());
     CommandChain save(queue, 0, nullptr);
     phase.enqueue_save(save, saved.get()(), 0);
@@ -829,7 +830,7 @@ void Pipeline::warm_up(cl_command_queue queue, const Frame &frame) {
         half_moved_ = lag_lost_ = true; // until it is done
         CommandChain chain(queue, 0, nullptr);
         phase.enqueue_restore(chain, saved.get()(), 0);
-        phase.set_epoch(epoch);
+        phase.set_origin(origin);
         check_opencl(clFinish(queue), "clFinish");
         forget_frames();
         half_moved_ = half_moved;

@@ -138,7 +138,7 @@ void Field::add_arguments(KernelArguments &arguments, const Phase &phase, const 
 }
 
 void Field::enqueue_heights(CommandChain &chain, const Phase &phase) {
-    if (!heights_ || heights_epoch_ == phase.epoch())
+    if (!heights_ || heights_epoch_ == phase.origin().epoch)
         return;
     const std::uint32_t quarter = quarter_rows(grid_.grid_height);
     KernelArguments(draw_heights_)
@@ -146,14 +146,14 @@ void Field::enqueue_heights(CommandChain &chain, const Phase &phase) {
         .add(cl_uint{grid_.grid_height})
         .add(cl_uint{quarter})
         .add(philox_key(parameters_.seed))
-        .add(frame_low(phase.epoch()))
-        .add(frame_high(phase.epoch()))
+        .add(frame_low(phase.origin().epoch))
+        .add(frame_high(phase.origin().epoch))
         .add(heights_.get());
     if (draws_in_lanes_)
         chain.run("field", draw_heights_, quarter, 1, 1, 1);
     else
         chain.run("field", draw_heights_, grid_.grid_width, quarter);
-    heights_epoch_ = phase.epoch();
+    heights_epoch_ = phase.origin().epoch;
 }
 
 void Field::enqueue_illuminate(CommandChain &chain, const Phase &phase, const FieldInput &input,

@@ -22,10 +22,16 @@ void check_parameters(const PhaseParameters &p) {
             "dynamics is continuous, which needs a circular Gaussian field: a sum of two unit phasors is not one");
 }
 
-// What of the state's layout the parameters decide, and nothing else.
-bool same_state(const PhaseParameters &a, const PhaseParameters &b) {
-    return a.field == b.field && a.polarization_count == b.polarization_count && a.dynamics == b.dynamics &&
-           a.translate == b.translate;
+// What of the state's layout the parameters decide, beside the number of polarizations.
+bool same_samples(const PhaseParameters &a, const PhaseParameters &b) {
+    return a.field == b.field && a.dynamics == b.dynamics && a.translate == b.translate;
+}
+
+// Words of a sample, see kernels/stages/phase_state.h.
+std::uint64_t words_of(const PhaseParameters &p) {
+    const bool continuous = p.dynamics == Dynamics::kContinuous;
+    const std::uint64_t field_words = p.field == FieldKind::kUnitPhasor ? 1 : continuous ? 4 : 2;
+    return p.polarization_count * field_words + (continuous ? 1 : 0);
 }
 
 } // namespace
@@ -46,14 +52,21 @@ void Phase::configure(const PhaseParameters &p) {
                 "are, make another phase for {} x {}, oversampling {}, guard {}",
                 grid_.width, grid_.height, grid_.oversampling, grid_.guard_px, p.width, p.height, p.oversampling,
                 p.guard_px));
-    if (state_ && same_state(p, parameters_)) {
+    const bool restored = refreshed_ && origin_.restored;
+    if (restored && p.polarization_count > held_)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("{} polarizations are needed, and the phase holds a field that was restored, of {}; "
+                                "make the phase with polarization_count {} and restore a field of so many, or refresh "
+                                "the phase for a random one",
+                                p.polarization_count, held_, p.polarization_count));
+    // The first polarizations of a state are the state of fewer.
+    if (state_ && same_samples(p, parameters_) &&
+        (restored || p.polarization_count == parameters_.polarization_count)) {
         parameters_ = p;
+        planes_ = words_of(p);
         return;
     }
-    // Words of a sample, see kernels/stages/phase_state.h.
-    const bool continuous = p.dynamics == Dynamics::kContinuous;
-    const std::uint64_t field_words = p.field == FieldKind::kUnitPhasor ? 1 : continuous ? 4 : 2;
-    const std::uint64_t words = p.polarization_count * field_words + (continuous ? 1 : 0);
+    const std::uint64_t words = words_of(p);
     const std::uint64_t bytes = (words + (p.translate ? 2 : 0)) * grid_.samples() * sizeof(cl_uint);
     const PhaseParameters old = std::exchange(parameters_, p);
     try {
@@ -80,6 +93,7 @@ void Phase::configure(const PhaseParameters &p) {
         parameters_ = old;
         throw;
     }
+    planes_ = words;
     rest_offset_ = words * grid_.samples();
     advance_.clear();
     refreshed_ = false;
@@ -136,8 +150,9 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
     else
         chain.run("phase", kernel, grid_.grid_width, quarter, parameters_.polarization_count);
     refreshed_ = true;
+    held_ = parameters_.polarization_count;
     if (!masked)
-        epoch_ = frame_index;
+        origin_ = {frame_index, false};
 }
 
 Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
@@ -259,6 +274,7 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
         chain.run("phase", kernels.advance, grid_.grid_width, quarter);
     if (advance.shift)
         std::swap(state_, next_state_);
+    held_ = parameters_.polarization_count;
 }
 
 void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const ImageDescription &field) {
@@ -275,14 +291,28 @@ void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const
 
 void Phase::enqueue_save(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes) {
     check_refreshed();
-    check_buffer(mem, "mem", context_->cl_context()(), offset_bytes, state_.bytes());
-    chain.copy("phase", state_.get()(), 0, mem, offset_bytes, state_.bytes());
+    enqueue_copy(chain, mem, offset_bytes, false);
 }
 
 void Phase::enqueue_restore(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes) {
-    check_buffer(mem, "mem", context_->cl_context()(), offset_bytes, state_.bytes());
-    chain.copy("phase", mem, offset_bytes, state_.get()(), 0, state_.bytes());
+    enqueue_copy(chain, mem, offset_bytes, true);
     refreshed_ = true;
+    held_ = parameters_.polarization_count;
+    origin_.restored = true;
+}
+
+void Phase::enqueue_copy(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes, bool to_state) {
+    check_buffer(mem, "mem", context_->cl_context()(), offset_bytes, state_bytes());
+    const std::uint64_t plane = grid_.samples() * sizeof(cl_uint);
+    const auto copy = [&](std::uint64_t state_offset, std::uint64_t mem_offset, std::uint64_t bytes) {
+        if (to_state)
+            chain.copy("phase", mem, offset_bytes + mem_offset, state_.get()(), state_offset, bytes);
+        else
+            chain.copy("phase", state_.get()(), state_offset, mem, offset_bytes + mem_offset, bytes);
+    };
+    copy(0, 0, planes_ * plane);
+    if (parameters_.translate)
+        copy(rest_offset_ * sizeof(cl_uint), planes_ * plane, rest_planes() * plane);
 }
 
 } // namespace clsp

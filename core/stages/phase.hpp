@@ -56,17 +56,23 @@ class Phase {
 
     const std::shared_ptr<Context> &context() const { return context_; }
     const PhaseParameters &parameters() const { return parameters_; }
-    // Other parameters for the same grid. The state is lost where its layout changes; a refused change changes nothing.
+    // Other parameters for the same grid. Where the state's layout changes, a drawn state is lost, and of a restored
+    // one the polarizations stay that there still are; a change that needs more of them than it has is refused. A
+    // refused change changes nothing.
     void configure(const PhaseParameters &parameters);
     const FieldGrid &grid() const { return grid_; }
     std::uint32_t polarization_count() const { return parameters_.polarization_count; }
     bool refreshed() const { return refreshed_; }
     // Back to how it was made: the next refresh draws everything.
     void forget() { refreshed_ = false; }
-    std::uint64_t state_bytes() const { return state_.bytes(); }
-    // Frame index of the last refresh of everything.
-    std::uint64_t epoch() const { return epoch_; }
-    void set_epoch(std::uint64_t epoch) { epoch_ = epoch; }
+    std::uint64_t state_bytes() const { return (planes_ + rest_planes()) * grid_.samples() * sizeof(cl_uint); }
+    // Where the state is from.
+    struct Origin {
+        std::uint64_t epoch = 0; // frame index of the last refresh of everything
+        bool restored = false;   // the host gave it since
+    };
+    const Origin &origin() const { return origin_; }
+    void set_origin(const Origin &origin) { origin_ = origin; }
     // Paths and correlations that were NaN or out of range, shifts that were not finite.
     BadPixelCounter &bad_pixels() { return bad_pixels_; }
 
@@ -97,13 +103,18 @@ class Phase {
     void check_polarization(std::uint32_t polarization) const;
     AdvanceKernels &advance_kernels(const PhaseAdvance &advance);
     std::string kernel_options() const;
+    std::uint64_t rest_planes() const { return parameters_.translate ? 2 : 0; }
+    // Copies the state from or to the host's memory, which has no gap.
+    void enqueue_copy(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes, bool to_state);
 
     std::shared_ptr<Context> context_;
     PhaseParameters parameters_;
     FieldGrid grid_;
     bool refreshed_ = false;
-    std::uint64_t epoch_ = 0;
+    Origin origin_;
+    std::uint64_t planes_ = 0;      // words of a sample, without the rest of the shift
     std::uint64_t rest_offset_ = 0; // in words of the state; where the rest of the shift begins
+    std::uint32_t held_ = 0; // polarizations that a restored state has: more than parameters_ say until it changes
     DeviceBuffer state_;
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place

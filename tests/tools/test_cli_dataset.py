@@ -43,6 +43,8 @@ def test_it_is_the_packages_command(ok, cli, recipe: Path, tmp_path: Path) -> No
     device = clspeckle.devices()[0].selector
     ok("dataset", recipe, "--out", "set2", "--count", 5, "--shard-size", 2, "--devices", f"{device},{device}", *PYTHON)
     assert shards(tmp_path / "set") == shards(tmp_path / "set2")
+    ok("dataset", recipe, "--out", "set4", "--count", 5, "--shard-size", 2, "--workers", 2, "--threads", 1, *PYTHON)
+    assert shards(tmp_path / "set") == shards(tmp_path / "set4")
     nobody = cli("dataset", recipe, "--out", "set3", "--count", 5, "--cluster", "tcp://127.0.0.1:9", *PYTHON)
     assert nobody.code == 2
     assert "tcp://127.0.0.1:9: no scheduler of a cluster answers" in nobody.err

@@ -80,7 +80,9 @@ CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values,
  * Switches an effect on, or changes its parameters. Frames enqueued later have it. Not for the per-frame path: builds
  * programs and waits for the device. Only stages that the effect sets are made anew: a sensor draws its fixed patterns
  * again and forgets the frame before (image_lag), and depolarization of a phase with one polarization draws all phases
- * in the next frame. After an error everything is as it was.
+ * in the next frame. A restored state (clspPhaseEnqueueRestore()) is never lost so: with fewer polarizations the first
+ * of them stays, and an effect that needs more is refused until the phase is refreshed. After an error everything is as
+ * it was.
  * @param id     one of the catalogue's.
  * @param values its parameters in order, `count` of them; those left out, or all if values is NULL, take the middle
  *               between weak and strong.
@@ -88,6 +90,19 @@ CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values,
  * is made if needed.
  */
 CLSP_API ClspStatus clspPipelineSetEffect(ClspPipeline pipeline, const char *id, const double *values, uint32_t count);
+
+/** An effect and its parameters. Layout frozen. */
+typedef struct ClspEffectSetting {
+    const char *id;       /**< One of the catalogue's. */
+    const double *values; /**< Its parameters in order; NULL: all take the middle. */
+    uint32_t count;       /**< Elements of `values`; those left out take the middle. */
+    uint32_t reserved;    /**< 0. */
+} ClspEffectSetting;
+
+/** Several calls of clspPipelineSetEffect() in one: each stage is made anew once. All are switched on, beside those
+ *  that are on, or, after an error, none.
+ *  @param count elements of `effects`; 0: nothing happens. @param effects each id once. */
+CLSP_API ClspStatus clspPipelineSetEffects(ClspPipeline pipeline, uint32_t count, const ClspEffectSetting *effects);
 /** Switches an effect off; NULL: all of them. One that is off stays off. */
 CLSP_API ClspStatus clspPipelineClearEffect(ClspPipeline pipeline, const char *id);
 

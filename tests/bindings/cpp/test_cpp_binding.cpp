@@ -213,6 +213,16 @@ TEST_F(CppBinding, AWholeFrame) {
     phase.enqueue_save(queue, state);
     phase.enqueue_restore(queue, state);
     queue.finish();
+    // What was restored is not lost to an effect.
+    auto single = phase_desc;
+    single.polarization_count = 1;
+    const clspeckle::Phase own(context, single);
+    const clspeckle::Pipeline camera(context, own, aperture, make_sensor());
+    own.enqueue_restore(queue, state);
+    EXPECT_THROW(camera.set_effect("depolarization"), clspeckle::Error);
+    own.enqueue_refresh(queue, 0);
+    camera.set_effect("depolarization");
+    EXPECT_EQ(phase.state_size(), own.state_size());
 }
 
 TEST_F(CppBinding, OneCallGivesAFrame) {

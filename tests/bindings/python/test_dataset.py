@@ -335,6 +335,9 @@ def test_options_of_devices_and_clusters_are_checked_first(
     told = refused("--cluster", nobody, "--devices", "0:0")
     assert "--devices is not for a cluster" in told
     assert "leave it out, and set CLSPECKLE_DEVICE where each" in told
+    told = refused("--cluster", nobody, "--threads", "1")
+    assert "--threads is not for a cluster" in told
+    assert "leave it out, and set POCL_MAX_PTHREAD_COUNT where each" in told
     assert "--cluster is empty; give the address that `dask scheduler` prints" in refused("--cluster", "")
     for address in ("nowhere", "tcp://nowhere:port", "post://nowhere:1"):
         assert f"{address}: no scheduler of a cluster answers" in refused("--cluster", address)
@@ -367,17 +370,54 @@ def test_workers_have_devices_in_turn(
     begun = multiprocessing.get_context("spawn").Value("l", 0)
     monkeypatch.setenv("CLSPECKLE_DEVICE", "")
     monkeypatch.setenv("POCL_MAX_PTHREAD_COUNT", "1")
+    monkeypatch.setenv("POCL_AFFINITY", "1")
     named = []
     for _ in range(5):
         shard_files._begin_worker(3, ("a", "b"), begun)
         named.append(os.environ["CLSPECKLE_DEVICE"])
     assert named == ["a", "b", "a", "b", "a"]
+    assert (os.environ["POCL_MAX_PTHREAD_COUNT"], os.environ["POCL_AFFINITY"]) == ("3", "0")
+    monkeypatch.undo()
     done = subprocess.run(
         command(recipe_file, tmp_path / "named", "--count", 1, "--devices", "no-such-device"),
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode in (1, 2)
     assert "no-such-device" in done.stderr
+
+
+def test_workers_share_the_cores_out_unless_told(
+    ideal: npt.NDArray[np.float32], recipe_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a worker's driver is told; and the bytes are the same whatever it is."""
+
+    def told(workers: int, threads: int | None = None) -> int:
+        return shard_files._Processes(workers, threads, ())._threads
+
+    monkeypatch.delenv("POCL_MAX_PTHREAD_COUNT", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)))
+    assert [told(1), told(2), told(3), told(20), told(2, 5)] == [8, 4, 2, 1, 5]
+    monkeypatch.setenv("POCL_MAX_PTHREAD_COUNT", "6")
+    assert [told(2), told(2, 5)] == [6, 5]
+    monkeypatch.undo()
+
+    there = recipe(ideal)
+    dataset.write(there, tmp_path / "expected", count=4, shard_size=1)
+    for threads in (1, 3 * len(os.sched_getaffinity(0))):
+        monkeypatch.setenv("POCL_AFFINITY", "1")  # threads beyond the cores would end the process
+        dataset.write(there, tmp_path / str(threads), count=4, shard_size=1, threads=threads)
+        assert hashes(tmp_path / str(threads)) == hashes(tmp_path / "expected")
+    done = subprocess.run(
+        command(recipe_file, tmp_path / "two", "--count", 4, "--workers", 2, "--threads", 1),
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="threads is 0; expected at least 1, or None"):
+        dataset.write(there, tmp_path / "none", count=4, threads=0)
+    with concurrent.futures.ThreadPoolExecutor(1) as executor:
+        with pytest.raises(TypeError, match="leave them out, and set POCL_MAX_PTHREAD_COUNT where each of those"):
+            dataset.write(there, tmp_path / "by", count=1, executor=executor, threads=1)
+        dataset.write(there, tmp_path / "by", count=1, executor=executor)
 
 
 def test_a_full_disk_leaves_no_half_shard(

@@ -258,6 +258,36 @@ def test_several_effects_in_any_order(camera: clspeckle.Pipeline, plain: npt.NDA
     np.testing.assert_array_equal(frames(camera), plain)
 
 
+def test_several_effects_at_once_or_none(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
+    effects: dict[str, Any] = {"glare": {"fraction": 0.1}, "defocus": None, "prnu": {"sigma": 0.02}}
+    camera.set_effect("vignetting")
+    camera.set_effects(effects)
+    assert camera.effects["glare"] == {"fraction": 0.1, "scale_px": 6.0}, "what is left out takes the middle"
+    assert list(camera.effects) == ["vignetting", *effects]
+    together = frames(camera)
+    for refused, kind in [
+        ({"defocus": {"waves": 0.1}, "glare": {"fraction": -1}}, errors.InvalidArgumentError),
+        ({"defocus": {"waves": 0.1}, "smear": {}}, errors.InvalidArgumentError),
+        ({"defocus": {"waves": 0.1}, "glare": {"fractions": 1}}, TypeError),
+        ({"defocus": {"waves": 0.1}, "glare": 0.1}, TypeError),
+        ({"defocus": {"waves": 0.1}, "aperture_mismatch": {"f_number_ratio": 0.1}}, errors.InvalidArgumentError),
+        (["defocus"], TypeError),
+    ]:
+        before = camera.effects
+        with pytest.raises(kind):
+            camera.set_effects(refused)  # type: ignore[arg-type]
+        assert camera.effects == before
+    np.testing.assert_array_equal(frames(camera), together)
+    camera.set_effects({})
+    camera.clear_effect()
+    np.testing.assert_array_equal(frames(camera), plain)
+    for effect, values in reversed(effects.items()):
+        camera.set_effect(effect, **(values or {}))
+    camera.set_effect("vignetting")
+    np.testing.assert_array_equal(frames(camera), together)
+    camera.clear_effect()
+
+
 def test_the_exposure_may_change_under_an_effect(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
     assert camera.sensor is not None
     camera.set_effect("vignetting")

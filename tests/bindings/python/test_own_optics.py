@@ -183,7 +183,7 @@ def test_what_the_messages_advise_works(context: clspeckle.Context, ideal: Image
 def test_depolarization_keeps_a_field_or_is_refused(context: clspeckle.Context, ideal: Image, field: Image) -> None:
     """Before anything changes; with both polarizations the field is there before, with and after the effect."""
     effects: dict[str, Any] = {"depolarization": {"degree_of_polarization": 0.2}}
-    advice = r"give field, of shape \(2, height, width\), when you make the pipeline, or call phase.refresh\(0\)"
+    advice = r"restored, of 1; make the phase with polarization_count 2 and restore a field of so many, or refresh the"
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
         of_optics(context, field=field, effects=effects)
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
@@ -192,6 +192,10 @@ def test_depolarization_keeps_a_field_or_is_refused(context: clspeckle.Context, 
     before = camera.render(ideal)
     with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
         camera.set_effect("depolarization")
+    assert camera.effects == {}
+    assert np.array_equal(camera.render(ideal), before)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match=advice):
+        camera.set_effects({"defocus": {"waves": 0.8}, **effects})
     assert camera.effects == {}
     assert np.array_equal(camera.render(ideal), before)
     # A mask draws a part of it; the rest is the caller's.
@@ -216,6 +220,50 @@ def test_depolarization_keeps_a_field_or_is_refused(context: clspeckle.Context, 
     assert error_of(camera.render(ideal), 0.6 * each[0] + 0.4 * each[1]) < 2e-6
     camera.clear_effect()
     assert np.array_equal(camera.render(ideal), each[0])
+
+
+@pytest.mark.parametrize("drawn", [False, True], ids=["a field of one's own", "a drawn one"])
+def test_what_save_gave_and_restore_took_stays(
+    context: clspeckle.Context, ideal: Image, field: Image, drawn: bool
+) -> None:
+    """Effects do not lose it, warm_up() and frames neither; with a refresh of everything it is gone."""
+    camera = of_optics(context, polarization_count=1)
+    if drawn:
+        camera.phase.refresh(5)
+    else:
+        camera.phase.set_field(field)
+    kept, expected = camera.phase.save(), camera.render(ideal)
+
+    other = of_optics(context, polarization_count=1)
+    other.phase.restore(kept)
+    for _ in range(2):
+        with pytest.raises(clspeckle.errors.InvalidArgumentError, match="a field that was restored, of 1"):
+            other.set_effect("depolarization")
+        other.warm_up(refresh="all")
+        assert np.array_equal(other.render(ideal), expected)
+        other.phase.restore(other.phase.save())
+    other.set_effect("defocus", waves=0)
+    assert np.array_equal(other.render(ideal), expected)
+    other.phase.refresh(5)
+    other.set_effect("depolarization")
+    assert other.phase.polarization_count == 2
+
+    # Two of them: the effect shows them, and without it the first is there, as it was.
+    both = of_optics(context)
+    both.phase.refresh(5)
+    two = both.phase.save()
+    assert both.phase.polarization_count == 2
+    third = of_optics(context, polarization_count=1, effects={"depolarization": {}})
+    third.phase.restore(two)
+    third.clear_effect()
+    assert third.phase.polarization_count == 1
+    assert np.array_equal(third.phase.save(), two[: two.size // 2])
+    third.set_effect("depolarization")
+    assert np.array_equal(third.phase.save(), two), "nothing has drawn meanwhile"
+    third.clear_effect()
+    third.phase.refresh(6, mask=np.eye(*SHAPE) > 0)
+    with pytest.raises(clspeckle.errors.InvalidArgumentError, match="of 1"):
+        third.set_effect("depolarization")
 
 
 def test_a_smooth_field_is_divided_by_the_oversampling(context: clspeckle.Context) -> None:

@@ -2,6 +2,7 @@
 // everything back.
 #include "test_support.hpp"
 
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -308,6 +309,198 @@ TEST_F(Effects, WhatTheHostSetMeanwhileStays) {
     ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 100));
     ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
     EXPECT_EQ(expected, frames(one.pipeline));
+}
+
+TEST_F(Effects, AmbientLightIsALevelAtTheExposureOfTheCall) {
+    Handle one;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    const double level = 30;
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 100));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "ambient_light", &level, 1));
+    const auto expected = frames(one.pipeline);
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 400));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "ambient_light", &level, 1));
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 100));
+    EXPECT_NE(expected, frames(one.pipeline)) << "light that is there is exposed like all light";
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "ambient_light", &level, 1));
+    EXPECT_EQ(expected, frames(one.pipeline)) << "set again";
+    ASSERT_CLSP_OK(clspSensorSetExposureGain(sensor, 0));
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, "ambient_light"));
+}
+
+TEST_F(Effects, SeveralAtOnceAreThoseOfSeveralCalls) {
+    Handle one, other;
+    const ClspPipelineDesc d = desc();
+    ASSERT_CLSP_OK(clspPipelineCreate(context, &d, &one.pipeline));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "vignetting", nullptr, 0));
+    const auto before = frames(one.pipeline);
+    const double glare[] = {0.2, 5.0}, wide = 0.1;
+    ClspEffectSetting settings[] = {{"glare", glare, 1, 0}, {"crosstalk", nullptr, 0, 0}, {"defocus", &wide, 1, 0}};
+    // One that is refused, and none is on; the last is refused by the stage, when others are made already.
+    const auto fails = [&](const char *message, ClspStatus status = CLSP_ERROR_INVALID_ARGUMENT) {
+        EXPECT_CLSP_FAILS(status, message, clspPipelineSetEffects(one.pipeline, 3, settings));
+        EXPECT_EQ(before, frames(one.pipeline)) << message;
+    };
+    settings[2].id = "defocusing";
+    fails("there is no effect \"defocusing\"");
+    settings[2].id = nullptr;
+    fails("effects[2].id is NULL");
+    settings[2].id = "glare";
+    fails("effects[2].id is glare, which stands before it already; give each effect once");
+    settings[2].id = "aperture_mismatch";
+    fails("oversampling");
+    settings[2].id = "defocus";
+    settings[1].count = 1;
+    fails("values is NULL, but count is 1");
+    settings[1].count = 0;
+    settings[1].reserved = 7;
+    fails("effects[1].reserved");
+    settings[1].reserved = 0;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "effects is NULL",
+                      clspPipelineSetEffects(one.pipeline, 3, nullptr));
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_HANDLE, "pipeline", clspPipelineSetEffects(nullptr, 3, settings));
+    ASSERT_CLSP_OK(clspPipelineSetEffects(one.pipeline, 0, nullptr));
+    EXPECT_EQ(before, frames(one.pipeline));
+
+    ASSERT_CLSP_OK(clspPipelineSetEffects(one.pipeline, 3, settings));
+    const auto together = frames(one.pipeline);
+    EXPECT_NE(before, together);
+    ASSERT_CLSP_OK(clspPipelineClearEffect(one.pipeline, nullptr));
+    for (const ClspEffectSetting &setting : settings)
+        ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, setting.id, setting.values, setting.count));
+    ASSERT_CLSP_OK(clspPipelineSetEffect(one.pipeline, "vignetting", nullptr, 0));
+    EXPECT_EQ(together, frames(one.pipeline));
+}
+
+class RestoredField : public Effects {
+  protected:
+    // A phase of the caller's own field: a wave, another one in the second polarization.
+    clspeckle::Phase with_field(std::uint32_t polarizations, bool translate = false) {
+        auto p = clspeckle::make<ClspPhaseDesc>();
+        p.width = width;
+        p.height = height;
+        p.polarization_count = polarizations;
+        p.translate = translate;
+        clspeckle::Phase made(context, p);
+        made.enqueue_refresh(queue, 3);
+        const clspeckle::Buffer state(context, made.state_size());
+        made.enqueue_save(queue, state);
+        auto values = state.read<float>(queue, made.state_size() / sizeof(float));
+        const std::size_t samples = values.size() / (2 * polarizations + (translate ? 2 : 0));
+        for (std::size_t i = 0; i < 2 * polarizations * samples; ++i)
+            values[i] = static_cast<float>(std::cos(0.1 * static_cast<double>(i % (2 * samples)) +
+                                                    static_cast<double>(i / (2 * samples))));
+        state.write(queue, values);
+        made.enqueue_restore(queue, state);
+        queue.finish();
+        return made;
+    }
+    // A saved state that is restored.
+    void put_back(const clspeckle::Phase &of) {
+        const clspeckle::Buffer state(context, of.state_size());
+        of.enqueue_save(queue, state);
+        of.enqueue_restore(queue, state);
+        queue.finish();
+    }
+    clspeckle::Pipeline camera(const clspeckle::Phase &of) {
+        auto a = clspeckle::make<ClspApertureDesc>();
+        a.width = width;
+        a.height = height;
+        const clspeckle::Aperture own(context, a);
+        auto d = desc();
+        d.phase = of;
+        d.aperture = own;
+        return {context, d};
+    }
+    std::vector<std::uint16_t> still(const clspeckle::Pipeline &pipeline) {
+        auto frame = clspeckle::make<ClspFrame>();
+        frame.output = codes.view;
+        pipeline.enqueue_frame(queue, frame);
+        return download<std::uint16_t>(codes);
+    }
+};
+
+TEST_F(RestoredField, StaysOrTheEffectIsRefused) {
+    const clspeckle::Phase one = with_field(1);
+    const clspeckle::Pipeline pipeline = camera(one);
+    const auto before = still(pipeline);
+    const auto refused = [&] {
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT,
+                          "make the phase with polarization_count 2 and restore a field of so",
+                          clspPipelineSetEffect(pipeline, "depolarization", nullptr, 0));
+        const ClspEffectSetting several[] = {{"defocus", nullptr, 0, 0}, {"depolarization", nullptr, 0, 0}};
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT,
+                          "2 polarizations are needed, and the phase holds a field that was restored, of 1",
+                          clspPipelineSetEffects(pipeline, 2, several));
+        EXPECT_EQ(before, still(pipeline));
+    };
+    refused();
+    put_back(one);
+    refused();
+    // The rendering of another frame puts the state back, and what it is.
+    auto other = clspeckle::make<ClspFrame>();
+    other.output = codes.view;
+    other.refresh = CLSP_REFRESH_ALL;
+    pipeline.warm_up(queue, other);
+    refused();
+    // A random one is drawn again.
+    one.enqueue_refresh(queue, 0);
+    pipeline.set_effect("depolarization");
+    EXPECT_EQ(one.state_size(), with_field(2).state_size());
+    EXPECT_NE(before, still(pipeline));
+}
+
+TEST_F(RestoredField, OfTwoPolarizationsKeepsThemWithAnEffectAndWithout) {
+    const clspeckle::Phase first = with_field(1);
+    const auto without = still(camera(first));
+    const clspeckle::Phase both = with_field(2);
+    const clspeckle::Pipeline with = camera(both);
+    with.set_effect("depolarization");
+    const auto expected = still(with);
+    EXPECT_NE(without, expected);
+
+    for (const bool translate : {false, true}) {
+        SCOPED_TRACE(translate);
+        auto p = clspeckle::make<ClspPhaseDesc>();
+        p.width = width;
+        p.height = height;
+        p.polarization_count = 1;
+        p.translate = translate;
+        const clspeckle::Phase single(context, p);
+        const clspeckle::Pipeline pipeline = camera(single);
+        const std::uint64_t size = single.state_size();
+        pipeline.set_effect("depolarization");
+        EXPECT_LT(size, single.state_size());
+        {
+            const clspeckle::Phase source = with_field(2, translate);
+            ASSERT_EQ(source.state_size(), single.state_size());
+            const clspeckle::Buffer state(context, single.state_size());
+            source.enqueue_save(queue, state);
+            single.enqueue_restore(queue, state);
+            queue.finish();
+        }
+        EXPECT_EQ(expected, still(pipeline));
+        put_back(single);
+        pipeline.clear_effects();
+        EXPECT_EQ(size, single.state_size());
+        EXPECT_EQ(without, still(pipeline)) << "the first polarization";
+        pipeline.set_effect("depolarization");
+        EXPECT_EQ(expected, still(pipeline)) << "nothing has changed meanwhile";
+        pipeline.clear_effects();
+        put_back(single); // what is restored now has one
+        EXPECT_EQ(without, still(pipeline));
+        EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "of 1",
+                          clspPipelineSetEffect(pipeline, "depolarization", nullptr, 0));
+        EXPECT_EQ(without, still(pipeline));
+        const clspeckle::Buffer state(context, size);
+        single.enqueue_save(queue, state);
+        const clspeckle::Phase again = with_field(1, translate);
+        again.enqueue_restore(queue, state);
+        queue.finish();
+        EXPECT_EQ(without, still(camera(again)));
+    }
 }
 
 TEST_F(Effects, WhatIsOffTakesNoMemory) {

@@ -30,6 +30,7 @@
 #include <cstring>
 #include <exception>
 #include <functional>
+#include <map>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -1018,6 +1019,16 @@ class Pipeline : public detail::Shared<Pipeline, ClspPipeline, clspPipelineRetai
     void set_effect(const std::string &id, const std::vector<double> &values = {}) const {
         clspeckle::check(clspPipelineSetEffect(handle_, id.c_str(), values.empty() ? nullptr : values.data(),
                                                static_cast<std::uint32_t>(values.size())));
+    }
+    /** Several set_effect() in one, each stage made anew once; after an error none is on that was not.
+     *  @param effects values by id. */
+    void set_effects(const std::map<std::string, std::vector<double>> &effects) const {
+        std::vector<ClspEffectSetting> settings;
+        for (const auto &[id, values] : effects)
+            settings.push_back({id.c_str(), values.empty() ? nullptr : values.data(),
+                                static_cast<std::uint32_t>(values.size()), 0});
+        clspeckle::check(
+            clspPipelineSetEffects(handle_, static_cast<std::uint32_t>(settings.size()), settings.data()));
     }
     /** Switches a profile's effects on, and gives the sensor its maps; not for the per-frame path. */
     void set_profile(const Profile &profile) const { clspeckle::check(clspPipelineSetProfile(handle_, profile)); }

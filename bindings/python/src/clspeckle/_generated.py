@@ -194,6 +194,12 @@ class ClspCameraTraits(Structure):
     ]
 
 
+class ClspEffectSetting(Structure):
+    _fields_ = [
+        ("id", _text), ("values", _P(_f64)), ("count", _u32), ("reserved", _u32),
+    ]
+
+
 class ClspHypothesisFrame(Structure):
     _fields_ = [
         ("struct_size", _u32), ("width", _u32), ("height", _u32), ("bits", _u32), ("sequence", _u32), ("scene", _u32),
@@ -634,6 +640,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "clspCameraTraitsInit": (_P(ClspCameraTraits), _u32),
     "clspEffectChangeTraits": (_text, _P(_f64), _u32, _P(ClspCameraTraits)),
     "clspPipelineSetEffect": (_void, _text, _P(_f64), _u32),
+    "clspPipelineSetEffects": (_void, _u32, _P(ClspEffectSetting)),
     "clspPipelineClearEffect": (_void, _text),
     "clspHypothesisInit": (_P(ClspHypothesis), _u32),
     "clspPipelineSetHypothesis": (_void, _P(ClspHypothesis), _P(_f64), _u32),
@@ -814,12 +821,12 @@ OTHER_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 STRUCTS: tuple[type[Structure], ...] = (
     ClspErrorInfo, ClspImage, ClspApertureDesc, ClspApertureInfo, ClspCaptureDesc, ClspCaptureSequence,
     ClspCaptureSequenceInfo, ClspDepthDesc, ClspDepthDot, ClspDepthPatternDot, ClspDepthSummary, ClspEffectParameter,
-    ClspEffectInfo, ClspCameraTraits, ClspHypothesisFrame, ClspHypothesis, ClspDiagnoseDesc, ClspDiagnosisSummary,
-    ClspDiagnosisRanked, ClspDiagnosisParameter, ClspDiagnosisPlace, ClspDiagnosisStep, ClspBeamProfile, ClspDoeDefects,
-    ClspDoePatternDesc, ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder, ClspDoeDesignDesc,
-    ClspDoeDesignReport, ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspInteropInfo, ClspLensDesc,
-    ClspMaterial, ClspPatternDesc, ClspGeometry, ClspMotionDesc, ClspMotionInput, ClspMotionOutput, ClspFieldGrid,
-    ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc, ClspSensorDesc, ClspPipelineDesc, ClspFrame, ClspStageTiming,
-    ClspProfileInfo, ClspProfileEffect, ClspProfileSequence, ClspProfileMap, ClspDeviceInfo, ClspContextDesc,
-    ClspContextInfo, ClspMoments, ClspTuningSize, ClspTuningDesc,
+    ClspEffectInfo, ClspCameraTraits, ClspEffectSetting, ClspHypothesisFrame, ClspHypothesis, ClspDiagnoseDesc,
+    ClspDiagnosisSummary, ClspDiagnosisRanked, ClspDiagnosisParameter, ClspDiagnosisPlace, ClspDiagnosisStep,
+    ClspBeamProfile, ClspDoeDefects, ClspDoePatternDesc, ClspSpotPatternDesc, ClspDoePatternInfo, ClspDoeDesignOrder,
+    ClspDoeDesignDesc, ClspDoeDesignReport, ClspDotLayoutDesc, ClspDotLayoutInfo, ClspDotsDesc, ClspInteropInfo,
+    ClspLensDesc, ClspMaterial, ClspPatternDesc, ClspGeometry, ClspMotionDesc, ClspMotionInput, ClspMotionOutput,
+    ClspFieldGrid, ClspPhaseDesc, ClspPhaseAdvance, ClspPhiloxDesc, ClspSensorDesc, ClspPipelineDesc, ClspFrame,
+    ClspStageTiming, ClspProfileInfo, ClspProfileEffect, ClspProfileSequence, ClspProfileMap, ClspDeviceInfo,
+    ClspContextDesc, ClspContextInfo, ClspMoments, ClspTuningSize, ClspTuningDesc,
 )

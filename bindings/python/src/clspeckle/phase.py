@@ -119,7 +119,6 @@ class Phase(Stage):
         self._create(desc, context)
         self.shape: tuple[int, int] = (desc.height, desc.width)
         self.polarization_count: int = desc.polarization_count
-        self._has_own_field = False
         self._holds_any_field = (desc.field, desc.dynamics, desc.translate) == (
             _library.CLSP_FIELD_CIRCULAR_GAUSSIAN,
             _library.CLSP_DYNAMICS_REPLACE,
@@ -158,9 +157,7 @@ class Phase(Stage):
     def _refresh(self, command: Command, frame_index: int, mask: Any) -> Event:
         frame_index = _check.integer(frame_index, "frame_index", 64)
         image = None if mask is None else command.mask(mask, "mask", self.shape)
-        event = self._enqueue(command, "Refresh", frame_index, image)
-        self._has_own_field = self._has_own_field and mask is not None
-        return event
+        return self._enqueue(command, "Refresh", frame_index, image)
 
     def advance(
         self,
@@ -271,7 +268,8 @@ class Phase(Stage):
     def restore(
         self, state: npt.NDArray[np.uint8] | bytes | bytearray | memoryview, *, queue: QueueLike | None = None
     ) -> None:
-        """Takes a state back that :meth:`save` gave, bit for bit. Blocks.
+        """Takes a state back that :meth:`save` gave, bit for bit. Blocks. It stays until everything is drawn anew; an
+        effect that would lose it is refused, see :meth:`Pipeline.set_effect`.
 
         Args:
             state: bytes, or a uint8 array, from a phase of the same shape, oversampling, guard_px, field and
@@ -323,12 +321,7 @@ class Phase(Stage):
         bad = ~np.isfinite(z)
         if bad.any():
             raise errors.InvalidDataError(f"field must hold finite numbers; {_check.places(bad)} are not")
-        self._take_own(z.reshape(-1).view(np.uint8), queue)
-
-    def _take_own(self, state: npt.NDArray[np.uint8], queue: QueueLike | None = None) -> None:
-        with exclusive(self):
-            self.restore(state, queue=queue)
-            self._has_own_field = True
+        self.restore(z.reshape(-1).view(np.uint8), queue=queue)
 
     def enqueue_save(
         self,
@@ -350,10 +343,7 @@ class Phase(Stage):
         wait_for: Sequence[EventLike] | None = None,
     ) -> Event:
         """Copies a state back from a buffer."""
-        with exclusive(self):
-            event = self._copy("Restore", memory, offset_bytes, self._asynchronous(queue, wait_for))
-            self._has_own_field = False
-            return event
+        return self._copy("Restore", memory, offset_bytes, self._asynchronous(queue, wait_for))
 
     def _copy(self, what: str, memory: Buffer | SupportsIntPtr | int, offset_bytes: int, command: Command) -> Event:
         with exclusive(self):

@@ -398,8 +398,7 @@ class Pipeline(Stage):
                     **of(_PIPELINE),
                 )
             )
-            for effect, values in wanted:
-                made.set_effect(effect, **values)
+            made.set_effects(wanted)
             undo.pop_all()
             return made
 
@@ -440,8 +439,7 @@ class Pipeline(Stage):
         )
         try:
             made.set_profile(profile, maps=maps)
-            for effect, values in wanted:
-                made.set_effect(effect, **values)
+            made.set_effects(wanted)
         except BaseException:
             made.close()
             raise
@@ -687,7 +685,7 @@ class Pipeline(Stage):
             except BaseException:
                 self._next_frame_index = before
                 raise
-            self._enqueued(event, *structs)
+            self._last = event
             return event
 
     def _frame(self, command: Command, given: Frame, output: DeviceImageLike) -> _library.ClspFrame:
@@ -751,14 +749,9 @@ class Pipeline(Stage):
     def _enqueue_frame(self, command: Command, given: Frame, output: DeviceImageLike) -> Event:
         frame = self._frame(command, given, output)
         event = command.enqueue("clspPipelineEnqueueFrame", self._get(), frame, after=self._last)
-        self._enqueued(event, frame)
+        self._last = event
         self._next_frame_index = min(frame.frame_index + 1, 2**48 - 1)
         return event
-
-    def _enqueued(self, event: Event, *frames: Any) -> None:
-        self._last = event
-        if any(frame.refresh == _library.CLSP_REFRESH_ALL for frame in frames):
-            self.phase._has_own_field = False
 
     def set_effect(self, effect: str | Effect | Hypothesis, /, **parameters: float | None) -> None:
         """Switches an effect on, or changes its parameters; later frames have it. Blocks, and builds programs.
@@ -769,26 +762,43 @@ class Pipeline(Stage):
             **parameters: its parameters by name; those that are left out take the middle between weak and strong.
 
         Sensors draw their fixed patterns again, and a phase whose state changes its layout draws all phases in the next
-        frame; a field of the caller's own stays. After an error everything is as it was. The stages are changed, also
-        for other pipelines that share them.
+        frame; a state that was restored, such as a field of the caller's own, stays. After an error everything is as it
+        was. The stages are changed, also for other pipelines that share them.
 
         Raises:
             InvalidArgumentError: no such effect, a value out of range, or the pipeline has not the stage that the
-                effect belongs to (dots, a sensor); or the effect needs two polarizations, and a field of the caller's
-                own has one.
+                effect belongs to (dots, a sensor); or the effect needs two polarizations, and a state that was restored
+                has one.
             TypeError: the effect has no parameter of that name.
             BuildError: the source of an effect of your own does not build; the message has the compiler's log.
         """
         if isinstance(effect, Hypothesis):
             self._set_own(effect, parameters)
+        else:
+            found = find_effect(effect)
+            self.set_effects({found.id: parameters})
+
+    def set_effects(self, effects: Mapping[str, Mapping[str, float | None] | None]) -> None:
+        """Switches several effects of the catalogue on, beside those that are on, as :meth:`set_effect` one of them.
+        Blocks, and makes each stage anew once.
+
+        Args:
+            effects: parameters by name, by id: ``{"defocus": {"waves": 0.8}, "glare": {}}``.
+
+        Raises:
+            InvalidArgumentError, TypeError: as for :meth:`set_effect`. Then none of them is on that was not.
+        """
+        wanted = _effects(effects)
+        if not wanted:
             return
-        found = find_effect(effect)
-        values = effect_values(found, parameters)
-        numbers = (ctypes.c_double * len(values))(*values.values())
+        settings = (_library.ClspEffectSetting * len(wanted))()
+        for setting, (found, values) in zip(settings, wanted.items(), strict=True):
+            setting.id, setting.count = found.encode(), len(values)
+            setting.values = (ctypes.c_double * len(values))(*values.values())
         with exclusive(self, also=self._stages):
             self._settle()
-            with self._changing({**self._effects, found.id: values}):
-                _library.call("clspPipelineSetEffect", self._get(), found.id.encode(), numbers, len(values))
+            with self._changing({**self._effects, **wanted}):
+                _library.call("clspPipelineSetEffects", self._get(), len(settings), settings)
 
     def _set_own(self, effect: Hypothesis, parameters: Mapping[str, Any]) -> None:
         if not isinstance(effect.apply, str):
@@ -818,7 +828,7 @@ class Pipeline(Stage):
 
         Raises:
             InvalidArgumentError: the pipeline is another camera: size, bits, pixel pitch or wavelength differ, or it
-                has no sensor, or a dark frame or gain map of its own; or a field as for :meth:`set_effect`.
+                has no sensor, or a dark frame or gain map of its own; or a state as for :meth:`set_effect`.
             InputOutputError, InvalidDataError: a map cannot be read or is not as it was written.
         """
         used = _check.flag(maps, "maps")
@@ -856,25 +866,12 @@ class Pipeline(Stage):
 
     @contextlib.contextmanager
     def _changing(self, effects: dict[str, dict[str, float]]) -> Iterator[None]:
-        """Around the call that makes these the effects: a field of the caller's own is kept, or the change is refused.
-        Then what the stages' objects remember of their descriptions, and how frames are judged, is changed, too."""
-        phase, state = self.phase, None
-        if phase._has_own_field:
-            before, count = phase.polarization_count, self._traits(effects).polarization_count
-            if count > before:
-                raise errors.InvalidArgumentError(
-                    f"the effects need {count} polarizations, and the field of your own has {before}; give field, of "
-                    f"shape ({count}, height, width), when you make the pipeline, or call phase.refresh(0) for a "
-                    "random one"
-                )
-            if count < before:
-                state = phase.save()[: phase.state_size // before * count]
+        """Around the call that makes these the effects. Then what the stages' objects remember of their descriptions,
+        and how frames are judged, is changed, too."""
         yield
         self._effects = effects
         self._judged_by = self._looked_up = None
-        phase.polarization_count = self._traits(effects).polarization_count
-        if state is not None:
-            phase._take_own(state)
+        self.phase.polarization_count = self._traits(effects).polarization_count
 
     def _traits(
         self,
@@ -1116,20 +1113,20 @@ def _light_on(geometry: Geometry, pattern: Pattern, staging: Staging) -> npt.NDA
     return light
 
 
-def _effects(given: Any) -> list[tuple[Effect, dict[str, float]]]:
-    """The effects of from_parameters(), checked before any stage is made."""
+def _effects(given: Any) -> dict[str, dict[str, float]]:
+    """Effects by id, with all their parameters, checked."""
     if given is None:
-        return []
+        return {}
     if not isinstance(given, Mapping):
         raise TypeError(
             f'effects must map ids to parameters, as {{"defocus": {{"waves": 0.8}}}}, got {_check.kind(given)}'
         )
-    result = []
+    result = {}
     for name, values in given.items():
         effect = find_effect(name)
         if values is not None and not isinstance(values, Mapping):
             raise TypeError(f"effects[{name!r}] must map parameters to numbers, got {_check.kind(values)}")
-        result.append((effect, effect_values(effect, values or {})))
+        result[effect.id] = effect_values(effect, values or {})
     return result
 
 

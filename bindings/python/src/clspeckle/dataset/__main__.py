@@ -28,6 +28,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--shard-size", type=int, default=1000, help="pairs of a shard (default 1000)")
     parser.add_argument("--format", choices=list(FORMATS), default="webdataset", help="of shards (default webdataset)")
     parser.add_argument("--workers", type=int, help="processes (default 1, or one for each device)")
+    parser.add_argument("--threads", type=int, help="of PoCL in each worker (default the cores divided by the workers)")
     parser.add_argument("--devices", help="of the workers in turn, separated by commas: 0:0,0:1 (default: the best)")
     parser.add_argument("--cluster", help="address of a scheduler of dask.distributed, whose workers do it")
     parser.add_argument("--no-ideal", action="store_true", help="leave the ideal images out of the shards")
@@ -52,6 +53,11 @@ def _check_cluster(arguments: argparse.Namespace) -> None:
         raise TypeError("--cluster is empty; give the address that `dask scheduler` prints, such as tcp://HOST:8786")
     if arguments.workers is not None:
         raise TypeError("--workers is not for a cluster, which has its own; leave it out")
+    if arguments.threads is not None:
+        raise TypeError(
+            "--threads is not for a cluster, whose workers run already; leave it out, and set POCL_MAX_PTHREAD_COUNT "
+            "where each of them starts"
+        )
     if arguments.devices is not None:
         raise TypeError(
             "--devices is not for a cluster, whose workers choose theirs; leave it out, and set CLSPECKLE_DEVICE "
@@ -84,11 +90,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         recipe = Recipe.from_file(arguments.recipe)
         with contextlib.ExitStack() as stack:
-            by: dict[str, Any] = {"workers": arguments.workers}
+            by: dict[str, Any] = {"workers": arguments.workers, "threads": arguments.threads}
             devices = _devices(arguments)
             if arguments.cluster is not None:
                 _check_cluster(arguments)
-                by = stack.enter_context(cluster(arguments.cluster))
+                by.update(stack.enter_context(cluster(arguments.cluster)))
             shards = write(
                 recipe,
                 arguments.out,

@@ -78,9 +78,9 @@ def _write_shard(
     return end - first
 
 
-def _begin_worker(workers: int, devices: Sequence[str], begun: Any) -> None:
+def _begin_worker(threads: int, devices: Sequence[str], begun: Any) -> None:
     """In a worker, before it loads a driver: PoCL takes all cores in each process unless told, and the best device is
-    the same for all of them."""
+    the same for all of them. Where it pins threads to cores, every process begins with the first one."""
     if devices:
         with begun.get_lock():
             os.environ["CLSPECKLE_DEVICE"] = devices[begun.value % len(devices)]
@@ -93,18 +93,21 @@ def _begin_worker(workers: int, devices: Sequence[str], begun: Any) -> None:
             os._exit(1)  # nobody waits for what this worker does
 
         threading.Thread(target=end_with_it, daemon=True).start()
-    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(max(1, len(os.sched_getaffinity(0)) // workers)))
+    os.environ.update(POCL_MAX_PTHREAD_COUNT=str(threads), POCL_AFFINITY="0")
 
 
 class _Processes:
     """Workers of this machine, not yet started."""
 
-    def __init__(self, workers: int, devices: Sequence[str]) -> None:
-        self._workers, self._devices = workers, tuple(devices)
+    def __init__(self, workers: int, threads: int | None, devices: Sequence[str]) -> None:
+        if threads is None:
+            told = os.environ.get("POCL_MAX_PTHREAD_COUNT", "")
+            threads = int(told) if told.isdecimal() else max(1, len(os.sched_getaffinity(0)) // workers)
+        self._workers, self._threads, self._devices = workers, threads, tuple(devices)
 
     def start(self) -> concurrent.futures.Executor:
         spawn = multiprocessing.get_context("spawn")
-        told = self._workers, self._devices, spawn.Value("l", 0)
+        told = self._threads, self._devices, spawn.Value("l", 0)
         return concurrent.futures.ProcessPoolExecutor(self._workers, spawn, _begin_worker, told)
 
 
@@ -206,6 +209,7 @@ def write(
     with_ideal: bool = True,
     format: str = "webdataset",
     workers: int | None = None,
+    threads: int | None = None,
     devices: Sequence[str] = (),
     executor: Any = None,
     progress: Progress | None = None,
@@ -223,8 +227,10 @@ def write(
         format: "webdataset": an archive each; "zarr": of the arrays `codes` (count, height, width) uint16, `ideal`
             likewise float32, and `labels` (count,), texts of JSON, of a Zarr group (version 3). Zarr needs scenes of
             one size; a shard that is not there yet reads as zeros.
-        workers: processes, each with its share of the cores; 1 without devices: this one. None: one for each device,
-            or 1. With an executor how many workers that has, so that none waits for work; None: 16.
+        workers: processes; 1 without devices and threads: this one. None: one for each device, or 1. With an executor
+            how many workers that has, so that none waits for work; None: 16.
+        threads: of PoCL in each of these processes; None: what ``POCL_MAX_PTHREAD_COUNT`` says, else the cores divided
+            by the workers. Other drivers have rules of their own.
         devices: of the workers in turn, each as ``CLSPECKLE_DEVICE`` names it, for example ``["0:0", "0:1"]``; none:
             each takes the best.
         executor: in place of processes of its own: a ``concurrent.futures.Executor``, for example a thread pool, or
@@ -253,9 +259,16 @@ def write(
             "devices are not for an executor, which has workers of its own; leave them out, and set CLSPECKLE_DEVICE "
             "where each of those workers starts"
         )
+    if executor is not None and threads is not None:
+        raise TypeError(
+            "threads are not for an executor, which has workers of its own; leave them out, and set "
+            "POCL_MAX_PTHREAD_COUNT where each of those workers starts"
+        )
     if workers is None:
         workers = len(devices) or (1 if executor is None else _WORKERS_OF_OTHERS)
     workers = _check.integer(workers, "workers", 16)
+    if threads is not None and _check.integer(threads, "threads", 16) == 0:
+        raise errors.InvalidArgumentError("threads is 0; expected at least 1, or None for a share of the cores")
     with_ideal = bool(_check.flag(with_ideal, "with_ideal"))
     if not 0 < count < _PAIRS_END or shard_size == 0 or workers == 0:
         raise errors.InvalidArgumentError(
@@ -266,8 +279,8 @@ def write(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with _sole(target):
-        if executor is None and (workers > 1 or devices):
-            executor = _Processes(workers, devices)
+        if executor is None and (workers > 1 or devices or threads is not None):
+            executor = _Processes(workers, threads, devices)
         return _write_missing(recipe, target, count, shard_size, with_ideal, format, workers, executor, progress)
 
 
