@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
 
 project = "clSpeckle"
+copyright = "2026 The clSpeckle authors"
 author = "The clSpeckle authors"
 extensions = ["myst_parser", "breathe", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["figures", "requirements.txt"]
