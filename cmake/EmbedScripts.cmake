@@ -1,6 +1,8 @@
-# Writes OUTPUT, a C++ file that holds each of FILES (JavaScript) as a raw string named after the file. Run with cmake -P.
+# Writes OUTPUT, a C++ file that holds each of FILES (JavaScript) as a raw string named after the file. Run
+# with cmake -P.
 set(text "// Made from the files of Debian's package libjs-vega by cmake/EmbedScripts.cmake.\n")
-string(APPEND text "#include \"report/report_script.hpp\"\n\nnamespace clsp {\n\nconst EmbeddedScript kVegaModules[] = {\n")
+string(APPEND text
+    "#include \"report/report_script.hpp\"\n\nnamespace clsp {\n\nconst EmbeddedScript kVegaModules[] = {\n")
 list(LENGTH FILES count)
 foreach(file IN LISTS FILES)
     get_filename_component(name "${file}" NAME)

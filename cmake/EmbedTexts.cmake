@@ -1,5 +1,5 @@
-# Writes OUTPUT, a C++ file with the array NAMEs of TYPE (declared in HEADER) that holds each of FILES as a raw string, and their
-# number as NAMECount; each goes by its path below FOLDER. Run with cmake -P.
+# Writes OUTPUT, a C++ file with the array NAMEs of TYPE (declared in HEADER) that holds each of FILES as a raw string,
+# and their number as NAMECount; each goes by its path below FOLDER. Run with cmake -P.
 set(text "// Made by cmake/EmbedTexts.cmake.\n#include \"${HEADER}\"\n\n")
 string(APPEND text "namespace clsp {\n\nconst ${TYPE} ${NAME}s[] = {\n")
 list(LENGTH FILES count)

@@ -26,7 +26,8 @@ set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "${PROJECT_DESCRIPTION}\nThe library.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libclspeckle-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "${same}, ocl-icd-opencl-dev | opencl-dev, opencl-c-headers")
-set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "${PROJECT_DESCRIPTION}\nHeaders of C and C++, CMake package, pkg-config file.")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
+    "${PROJECT_DESCRIPTION}\nHeaders of C and C++, CMake package, pkg-config file.")
 
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME clspeckle)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "${same}")
@@ -42,11 +43,11 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-pyopencl)
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "${PROJECT_DESCRIPTION}\nThe Python package.")
 
 # No part of an installation by CMake alone: that is what pip is for.
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/bindings/python/src/clspeckle" DESTINATION lib/python3/dist-packages COMPONENT python
-        EXCLUDE_FROM_ALL FILES_MATCHING PATTERN "*.py" PATTERN "py.typed" PATTERN "__pycache__" EXCLUDE)
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/bindings/python/src/clspeckle" DESTINATION lib/python3/dist-packages
+    COMPONENT python EXCLUDE_FROM_ALL FILES_MATCHING PATTERN "*.py" PATTERN "py.typed" PATTERN "__pycache__" EXCLUDE)
 foreach(component IN LISTS CPACK_COMPONENTS_ALL)
     string(TOUPPER ${component} upper)
-    install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION share/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME} RENAME copyright
-            COMPONENT ${component} EXCLUDE_FROM_ALL)
+    install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION share/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME}
+        RENAME copyright COMPONENT ${component} EXCLUDE_FROM_ALL)
 endforeach()
 include(CPack)

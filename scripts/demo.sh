@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Renders the office desk sequence on the best OpenCL device and draws a figure. Takes the program that is built here or installed as a
-# package; else installs what is missing and builds it, without tests, benchmarks and examples.
+# Renders the office desk sequence on the best OpenCL device and draws a figure. Takes the program that is built here or
+# installed as a package; else installs what is missing and builds it, without tests, benchmarks and examples.
 # usage: scripts/demo.sh [OUTPUT_FOLDER]      (default: demo-output)
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -33,11 +33,13 @@ echo "== devices"
 echo
 # The laser light that comes back from a desk is not polarized (thesis 2.9).
 echo "== the sequence: ideal images, frames and previews in $output/office"
-"$program" render "$office/sequence.json" -o "$output/office" --degree-of-polarization 0 --exposure-gain auto --save-ideal --stage-times
+"$program" render "$office/sequence.json" -o "$output/office" --degree-of-polarization 0 --exposure-gain auto \
+    --save-ideal --stage-times
 
 echo
 echo "== its first frame without noise or sensor"
-"$program" render "$office/sequence.json" -o "$output/intensity" --degree-of-polarization 0 --frames 1 --no-sensor --format float-npy --no-preview --quiet
+"$program" render "$office/sequence.json" -o "$output/intensity" --degree-of-polarization 0 --frames 1 --no-sensor \
+    --format float-npy --no-preview --quiet
 
 echo
 "$python" examples/office/figure.py "$output" --figure "$output/office.png"
@@ -45,9 +47,12 @@ echo
 cat <<END
 
 The figure is $output/office.png. To try next:
-    $program render $output/office/ideal_000000.npy -o wall --f-number 8 --seed 7 --exposure-gain auto    # more speckle
-    $program effects                                                                        # what a camera may do to a frame
-    $program capture make my-camera --effect defocus:waves=0.9 --width 128 --height 112   # a stand-in for your camera ...
-    $program diagnose my-camera --html report.html                                        # ... and what the simulator lacks
+    more speckle:
+        $program render $output/office/ideal_000000.npy -o wall --f-number 8 --seed 7 --exposure-gain auto
+    what a camera may do to a frame:
+        $program effects
+    a stand-in for your camera, and what the simulator lacks:
+        $program capture make my-camera --effect defocus:waves=0.9 --width 128 --height 112
+        $program diagnose my-camera --html report.html
 Tutorials: docs/tutorials. Your own camera: docs/guide/captures.md.
 END

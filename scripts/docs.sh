@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds the site of all pages into build/site (or the folder given): Doxygen reads the headers, Sphinx the rest. Every warning is an
-# error: a broken link, a symbol without words. The library must be built (scripts/build.sh); doxygen is a Debian package.
+# Builds the site of all pages into build/site (or the folder given): Doxygen reads the headers, Sphinx the rest. Every
+# warning is an error: a broken link, a symbol without words. The library must be built (scripts/build.sh); doxygen is a
+# Debian package.
 # usage: scripts/docs.sh [FOLDER]
 set -euo pipefail
 cd "$(dirname "$0")/.."

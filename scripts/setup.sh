@@ -6,13 +6,13 @@ cd "$(dirname "$0")/.."
 level="${1:-build}"
 
 packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers
-          pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega libspng-dev libtiff-dev
-          libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
+          pocl-opencl-icd libclfft-dev libfmt-dev libeigen3-dev libcli11-dev nlohmann-json3-dev libjs-vega
+          libspng-dev libtiff-dev libjpeg62-turbo-dev libstb-dev libopenexr-dev python3 python3-venv)
 if [ "$level" = figure ]; then
     packages=(pocl-opencl-icd python3 python3-venv)
 elif [ "$level" = test ]; then
-    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev git ccache doxygen groff-base mmdebstrap
-               libegl-dev libgl-dev libegl-mesa0 libgl1-mesa-dri chromium)
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libfftw3-dev abigail-tools oclgrind clang libclang-rt-dev
+               git ccache doxygen groff-base mmdebstrap libegl-dev libgl-dev libegl-mesa0 libgl1-mesa-dri chromium)
 fi
 
 missing=()
@@ -22,7 +22,10 @@ done
 if [ "${#missing[@]}" -gt 0 ]; then
     sudo=""
     if [ "$(id -u)" -ne 0 ]; then
-        command -v sudo >/dev/null || { echo "These packages are missing, and neither root nor sudo is at hand to install them: ${missing[*]}" >&2; exit 1; }
+        command -v sudo >/dev/null || {
+            echo "These packages are missing, and neither root nor sudo is at hand to install them: ${missing[*]}" >&2
+            exit 1
+        }
         sudo=sudo
     fi
     echo "Installing: ${missing[*]}"
@@ -37,8 +40,8 @@ fi
 [ "$level" = figure ] || .venv/bin/python -m pip install -q --disable-pip-version-check "scikit-build-core>=0.11"
 if [ "$level" = test ]; then
     requirements=()
-    for file in tests/reference/requirements.txt tests/bindings/python/requirements.txt tests/tools/requirements.txt tests/install/requirements.txt tests/examples/requirements.txt docs/requirements.txt; do
-        requirements+=(-r "$file")
+    for folder in tests/reference tests/bindings/python tests/tools tests/install tests/examples docs; do
+        requirements+=(-r "$folder/requirements.txt")
     done
     .venv/bin/python -m pip install -q --disable-pip-version-check "${requirements[@]}"
 fi

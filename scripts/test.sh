@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, and runs every test. A missing OpenCL device, a failed test and a test that was skipped without a
-# reason listed in tests/allowed_skips.txt all end with an error. Further arguments go to ctest.
+# Installs what is missing, builds, and runs every test. A missing OpenCL device, a failed test and a test that was
+# skipped without a reason listed in tests/allowed_skips.txt all end with an error. Further arguments go to ctest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export POCL_AFFINITY=1
@@ -21,6 +21,7 @@ export CLSP_TEST_RESULTS="$results"
 levels=(--label-exclude nightly)
 [ "${CLSP_NIGHTLY:-0}" = 0 ] || levels=()
 status=0
-ctest --test-dir build --parallel 2 --output-on-failure --no-tests=error "${levels[@]}" --output-junit "$results/ctest.xml" "$@" || status=$?
+ctest --test-dir build --parallel 2 --output-on-failure --no-tests=error "${levels[@]}" \
+    --output-junit "$results/ctest.xml" "$@" || status=$?
 .venv/bin/python scripts/check_skips.py "$results" tests/allowed_skips.txt || status=1
 exit "$status"

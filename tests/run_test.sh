@@ -1,6 +1,6 @@
 #!/bin/sh
-# run_test.sh NAME gtest|pytest COMMAND...: runs one of the suites; where CLSP_TEST_RESULTS names a folder, a JUnit file of its
-# single tests goes there, so that a test that skips itself does not go unseen.
+# run_test.sh NAME gtest|pytest COMMAND...: runs one of the suites; where CLSP_TEST_RESULTS names a folder, a JUnit file
+# of its single tests goes there, so that a test that skips itself does not go unseen.
 name=$1
 kind=$2
 shift 2

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Describes the ABI of a library that was built with debug information: record.sh LIBRARY OUTPUT
-# With no arguments it renews tests/abi/clspeckle.abi from the public headers; do that when a release adds to the interface.
+# With no arguments it renews tests/abi/clspeckle.abi from the public headers; do that when a release adds to the
+# interface.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/../.." && pwd)"
 if [ $# -eq 0 ]; then
