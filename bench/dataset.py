@@ -58,6 +58,17 @@ class Times:
         self.spent[name].append(1e3 * (time.process_time() - begin))
 
 
+def one_by_one(recipe: dataset.Recipe, index: int, times: Times) -> None:
+    """The effects of a pair, each in a call of its own."""
+    drawn = recipe.draw(index)
+    given = of_one_frame({**drawn.parameters, "seed": drawn.seed, "effects": drawn.effects})
+    with clspeckle.Pipeline.from_parameters(recipe.ideal(drawn.scene).shape, **{**given, "effects": None}) as camera:
+        with times.of("effects one by one"):
+            for effect, values in drawn.effects.items():
+                with times.of(f"effect {effect}"):
+                    camera.set_effect(effect, **values)
+
+
 def one_pair(recipe: dataset.Recipe, index: int, times: Times, shard: tarfile.TarFile) -> int:
     """A pair as :meth:`Recipe.render` and a shard make it, in parts. Returns how many programs were built."""
     context = clspeckle.default_context()
@@ -70,9 +81,7 @@ def one_pair(recipe: dataset.Recipe, index: int, times: Times, shard: tarfile.Ta
         given = {**of_one_frame({**drawn.parameters, "seed": drawn.seed, "effects": drawn.effects}), "effects": None}
         camera = clspeckle.Pipeline.from_parameters(ideal.shape, context=context, **given)
     with times.of("effects"):
-        for effect, values in drawn.effects.items():
-            with times.of(f"effect {effect}"):
-                camera.set_effect(effect, **values)
+        camera.set_effects(drawn.effects)
     with times.of("frame"):
         codes = camera.render(ideal, frame_index=0, refresh="all")
     with times.of("close"):
@@ -162,6 +171,7 @@ def main() -> None:
                     times = Times()
                     with times.of("pair"):
                         again += one_pair(recipe, index, times, shard)
+                    one_by_one(recipe, index, times)
                     for part, spent in times.spent.items():
                         parts[part].append(sum(spent))
                 for part, spent in parts.items():

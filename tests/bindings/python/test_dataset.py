@@ -348,6 +348,11 @@ def test_options_of_devices_and_clusters_are_checked_first(
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    with pytest.raises(TypeError, match=r"executor must be a concurrent\.futures\.Executor, got int 5"):
+        dataset.write(recipe(ideal), tmp_path / "by", count=1, executor=5)
+    with pytest.raises(TypeError, match="progress must be a function of two numbers, got int 5"):
+        dataset.write(recipe(ideal), tmp_path / "by", count=1, progress=5)  # type: ignore[arg-type]
+    assert not (tmp_path / "by").exists()
     # An executor has workers of its own, too.
     with concurrent.futures.ThreadPoolExecutor(1) as executor:
         with pytest.raises(TypeError, match="leave them out, and set CLSPECKLE_DEVICE where each of those workers"):

@@ -121,6 +121,27 @@ def test_a_tensor_on_another_device_is_copied_and_the_log_says_so(
     assert np.array_equal(tensor._array, ideal), "what was copied must not be written to"
 
 
+class OfNoDevice(Tensor):
+    def __dlpack_device__(self) -> Any:
+        return "cpu"
+
+
+def test_a_tensor_that_nothing_brings_to_the_host_is_told_so(
+    context: clspeckle.Context, camera: clspeckle.Pipeline, ideal: npt.NDArray[np.float32]
+) -> None:
+    nowhere = OnGpu(ideal)
+    takers: list[Any] = [camera.render, lambda tensor: clspeckle.DeviceImage.from_dlpack(tensor, context=context)]
+    for take in takers:
+        with pytest.raises(TypeError, match=r"lies on another device \(DLPack's type 2, number 0\).*; copy it to the"):
+            take(nowhere)
+        with pytest.raises(TypeError, match=r"its __dlpack_device__\(\) gives 'cpu', where DLPack has a type and a"):
+            take(OfNoDevice(ideal))
+        take(Tensor(nowhere._array.copy()))
+    # Also one so dim that it is looked at twice.
+    with pytest.warns(UserWarning, match="no light"):
+        camera.render(Tensor(np.full_like(ideal, 1e-9)))
+
+
 def test_what_cannot_be_shared_is_copied_and_the_log_says_why(
     context: clspeckle.Context, ideal: npt.NDArray[np.float32], shares: bool, caplog: pytest.LogCaptureFixture
 ) -> None:

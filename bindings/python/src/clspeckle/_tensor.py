@@ -38,8 +38,12 @@ def is_tensor(value: Any) -> bool:
 
 def as_array(value: Any, name: str) -> npt.NDArray[Any]:
     """A tensor as NumPy sees it; one in the memory of a GPU is copied to the host's, which the log says."""
-    kind, number = value.__dlpack_device__()
-    if int(kind) in _HOST:
+    device = value.__dlpack_device__()
+    try:
+        kind, number = (int(part) for part in device)
+    except (TypeError, ValueError):
+        raise TypeError(f"its __dlpack_device__() gives {device!r}, where DLPack has a type and a number") from None
+    if kind in _HOST:
         array = np.from_dlpack(value)
         # Before 2.1 NumPy takes all tensors as read-only. PyTorch has none that are, and a way of its own.
         if not array.flags.writeable and hasattr(value, "data_ptr"):
@@ -49,14 +53,20 @@ def as_array(value: Any, name: str) -> npt.NDArray[Any]:
         "%s is a tensor on another device (DLPack's type %d, number %d), whose memory OpenCL does not share: it is "
         "copied by way of the host",
         name,
-        int(kind),
+        kind,
         number,
     )
     if hasattr(value, "cpu"):  # PyTorch
         return np.from_dlpack(value.cpu())
     if hasattr(value, "get"):  # CuPy
         return np.asarray(value.get())
-    return np.asarray(value)  # JAX
+    array = np.asarray(value)  # JAX
+    if array.dtype.hasobject:
+        raise TypeError(
+            f"it lies on another device (DLPack's type {kind}, number {number}), whose memory OpenCL does not share, "
+            "and has neither cpu(), get() nor __array__(); copy it to the host's memory first"
+        )
+    return array
 
 
 def on_cpu(device: int) -> bool:

@@ -581,7 +581,8 @@ class Pipeline(Stage):
             return
         if exposure.fits(staging.brightest):
             return
-        ideal, name = np.asarray(scene), self._scene_name
+        name = self._scene_name
+        ideal = _check.array(scene, name)
         full = _check.full_scale(ideal.dtype)
         if ideal.ndim > 2:
             ideal = _check.one_image(ideal, name, mean=True, tell=False)

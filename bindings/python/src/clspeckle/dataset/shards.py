@@ -252,6 +252,10 @@ def write(
         raise TypeError(f"recipe must be a clspeckle.dataset.Recipe, got {_check.kind(recipe)}")
     count = _check.integer(count, "count", 32)
     shard_size = _check.integer(shard_size, "shard_size", 32)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(f"executor must be a concurrent.futures.Executor, got {_check.kind(executor)}")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress must be a function of two numbers, got {_check.kind(progress)}")
     if isinstance(devices, str) or not all(isinstance(device, str) and device for device in devices):
         raise TypeError(f'devices must be a list of names, such as ["0:0", "0:1"], got {_check.kind(devices)}')
     if executor is not None and devices:
