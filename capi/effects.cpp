@@ -25,6 +25,7 @@ constexpr auto kTraits = [](auto field, auto &c, auto &m) {
     field(c.saturation_dn, m.sensor->saturation_dn);
     field(c.gamma, m.sensor->gamma);
     field(c.cubic_nonlinearity, m.sensor->cubic_nonlinearity);
+    field(c.nonlinearity_power, m.sensor->nonlinearity_power);
     field(c.ambient_dn, m.lens.ambient);
 };
 

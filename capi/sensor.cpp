@@ -18,7 +18,7 @@ using namespace clsp::capi;
 
 static_assert(offsetof(ClspSensorDesc, conversion_gain_dn_per_e) == kFirstSize<ClspSensorDesc>,
               "members are added after those of the first release");
-static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, widest_code) + sizeof(double),
+static_assert(sizeof(ClspSensorDesc) == offsetof(ClspSensorDesc, read_noise_correlation) + sizeof(double),
               "no hidden padding at the end");
 
 namespace clsp::capi {
@@ -77,6 +77,8 @@ constexpr auto kSensorFields = [](auto field, auto &d, auto &p) {
     field(d.code_width_wave, p.code_width_wave);
     field(d.code_width_period, p.code_width_period);
     field(d.widest_code, p.widest_code);
+    field(d.nonlinearity_power, p.nonlinearity_power);
+    field(d.read_noise_correlation, p.read_noise_correlation);
     field(d.gain_map, p.gain_map);
     field(d.gain_map_pitch_bytes, p.gain_map_pitch_bytes);
     field(d.photons_per_unit, p.photons_per_unit);
@@ -94,6 +96,7 @@ SensorParameters clsp::capi::sensor_parameters(const ClspSensorDesc *user, const
     const ClspSensorDesc d = read_struct(user, desc_of({}), name);
     check_reserved(d.reserved, (std::string(name) + "->reserved").c_str());
     check_reserved(d.reserved_telegraph, (std::string(name) + "->reserved_telegraph").c_str());
+    check_reserved(d.reserved_nonlinearity, (std::string(name) + "->reserved_nonlinearity").c_str());
     return from_c<SensorDatasheet>(kSensorFields, d).parameters();
 }
 

@@ -21,7 +21,8 @@ ExposureRange::ExposureRange(const Config &config, bool has_sensor, double dark_
                     std::exp2(traits.bits - (traits.effective_bits ? traits.effective_bits : traits.bits));
     largest_signal_ = traits.saturation_dn;
     if (std::isfinite(largest_signal_)) {
-        largest_signal_ *= 1 - traits.cubic_nonlinearity * std::pow(std::min(largest_signal_ / top_code_, 1.0), 3);
+        largest_signal_ *= 1 - traits.cubic_nonlinearity *
+                                   std::pow(std::min(largest_signal_ / top_code_, 1.0), traits.nonlinearity_power);
         largest_signal_ = top_code_ * std::pow(largest_signal_ / top_code_, traits.gamma);
     }
     ambient_light_ = traits.ambient_dn;

@@ -421,6 +421,13 @@ std::vector<Effect> make_catalogue() {
      {kInAll}, {kInAll, SceneMotion::kStatic, 2},
      "stripes along the columns, others in each frame", "", {1}}
         .told_from("column_fpn", "dark with more frames: fixed offsets stay"),
+    Effect{"correlated_read_noise", "sensor", "the read noise of neighbours in a row has a correlation",
+     "stages/sensor_pixel.h: read_normals (READ_NOISE_CORRELATED)", kSetsSensor,
+     {{"correlation", "1", -0.5, 0.5, 0.04, 0.2}},
+     [](Model &m, Values v) { sensor(m, "correlated_read_noise").read_noise_correlation = v[0]; },
+     {kInAll}, {kInAll, SceneMotion::kStatic, 2},
+     "noise that goes on, or turns over, from pixel to pixel along the rows, also in the dark", "", {1}}
+        .told_from("crosstalk", "dark: crosstalk spreads light alone"),
     Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1",
      "stages/sensor_pixel.h: expose_pixel (GAMMA)",
      kSetsSensor,
@@ -434,12 +441,18 @@ std::vector<Effect> make_catalogue() {
         .told_from("depolarization",
                    "board_moving at several levels of light: a bent response changes the law of speckle by the level, "
                    "polarization does not"),
-    Effect{"nonlinearity", "sensor", "s -> s (1 - c (s / full)^3), full = 2^bits - 1; beyond full it bends no further",
+    Effect{"nonlinearity", "sensor",
+     "s -> s (1 - c (s / full)^p), c is `cubic`, p `power`, full = 2^bits - 1; beyond full it bends no further",
      "stages/sensor_pixel.h: expose_pixel (CUBIC)", kSetsSensor,
-     {{"cubic", "1", 0.0, 0.25, 0.01, 0.05}},
-     [](Model &m, Values v) { sensor(m, "nonlinearity").cubic_nonlinearity = v[0]; },
+     {{"cubic", "1", 0.0, 0.25, 0.01, 0.05}, {"power", "1", 1.0, 3.0, 3.0, 3.0, true}},
+     [](Model &m, Values v) {
+         SensorParameters &s = sensor(m, "nonlinearity");
+         s.cubic_nonlinearity = v[0];
+         s.nonlinearity_power = static_cast<std::uint32_t>(v[1]);
+     },
      {kInLight}, {kInLight},
      "bright light gives less than in proportion, dim light does not", "", {1}}
+        .with_forms("power", {1.0}, true)
         .told_from("gamma", "board_moving at several levels of light: a power bends dim light, too"),
     Effect{"full_well", "sensor", "the signal clips below the converter's maximum",
      "stages/sensor_pixel.h: expose_pixel", kSetsSensor,

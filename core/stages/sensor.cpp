@@ -117,6 +117,10 @@ void check_parameters(const SensorParameters &p) {
     check_not_negative(p.row_offset_dn, "row_offset_dn");
     check_fraction(p.dull_pixel_fraction, "dull_pixel_fraction");
     check_range(p.cubic_nonlinearity, -1.0, 0.25, "cubic_nonlinearity");
+    if (p.nonlinearity_power < 1 || p.nonlinearity_power > 3)
+        throw Error(Status::kInvalidArgument,
+                    fmt::format("nonlinearity_power is {}, it must be 1, 2 or 3", p.nonlinearity_power));
+    check_range(p.read_noise_correlation, -0.5, 0.5, "read_noise_correlation");
     check_not_negative(p.periodic_offset_dn, "periodic_offset_dn");
     check_range(p.periodic_frequency_x, -0.5, 0.5, "periodic_frequency_x");
     check_range(p.periodic_frequency_y, -0.5, 0.5, "periodic_frequency_y");
@@ -147,6 +151,9 @@ bool has_response(const SensorParameters &p) {
 }
 bool has_read_noise_map(const SensorParameters &p) {
     return p.read_noise_dn > 0.0 && p.read_noise_spread > 0.0;
+}
+bool has_correlated_noise(const SensorParameters &p) {
+    return p.read_noise_dn > 0.0 && p.read_noise_correlation != 0.0;
 }
 bool has_telegraph_noise(const SensorParameters &p) {
     return p.telegraph_fraction > 0.0 && p.telegraph_step_dn > 0.0;
@@ -323,6 +330,7 @@ void Sensor::make_switches() {
     define("COLUMN_NOISE", p.column_noise_dn > 0.0);
     define("TELEGRAPH", has_telegraph_noise(p));
     define("READ_NOISE_SPREAD", bool(read_noise_map_));
+    define("READ_NOISE_CORRELATED", has_correlated_noise(p));
 }
 
 ImageView Sensor::check_output(const ImageDescription &output, bool in_last_pass) {
@@ -387,7 +395,8 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
                  on(p.quantize || output.format != Format::kFloat32, kSensorQuantize) |
                  on(p.crosstalk_fraction > 0.0, kSensorCrosstalk) |
                  on(p.cubic_nonlinearity != 0.0, kSensorCubic) | on(has_telegraph_noise(p), kSensorTelegraph) |
-                 on(has_code_widths(p, output.format), kSensorCodeWidths);
+                 on(has_code_widths(p, output.format), kSensorCodeWidths) |
+                 on(has_correlated_noise(p), kSensorCorrelated);
     c.width = p.width;
     c.height = p.height;
     c.quarter = quarter_rows(p.height);
@@ -424,6 +433,12 @@ void Sensor::add_arguments(KernelArguments &arguments, std::uint64_t frame_index
     c.code_wave = real(0.5 * p.code_width_wave / std::sin(kPi / p.code_width_period));
     c.code_wave_frequency = real(1.0 / p.code_width_period);
     c.widest_code = real(p.widest_code);
+    c.nonlinearity_power = p.nonlinearity_power;
+    // n + w n' of independent deviates correlates with its neighbour by w / (1 + w^2).
+    const double r = p.read_noise_correlation;
+    const double weight = r == 0.0 ? 0.0 : (1.0 - std::sqrt(1.0 - 4.0 * r * r)) / (2.0 * r);
+    c.read_noise_own = real(1.0 / std::hypot(1.0, weight));
+    c.read_noise_left = real(weight / std::hypot(1.0, weight));
     arguments.add(c)
         .add(offset_.get())
         .add(response_.get())

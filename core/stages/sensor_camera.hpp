@@ -20,6 +20,7 @@ enum SensorSwitch : cl_uint {
     kSensorTelegraph = 1024,
     kSensorLagSecond = 2048,
     kSensorCodeWidths = 4096,
+    kSensorCorrelated = 8192,
 };
 
 // The same members as sensor_t there.
@@ -32,7 +33,9 @@ struct SensorConstants {
         top_code, output_scale;
     cl_float cubic, telegraph_fraction, telegraph_low, telegraph_high;
     cl_float code_wave, code_wave_frequency, widest_code;
+    cl_uint nonlinearity_power;
+    cl_float read_noise_own, read_noise_left; // parts of the pixel's own deviate and of its left neighbour's
 };
-static_assert(sizeof(SensorConstants) == 37 * 4, "only members of four bytes");
+static_assert(sizeof(SensorConstants) == 40 * 4, "only members of four bytes");
 
 } // namespace clsp

@@ -41,6 +41,8 @@ struct SensorParameters {
     double telegraph_fraction = 0.0, telegraph_step_dn = 0.0;
     bool telegraph_centered = false; // half the step up and down, not up alone
     double code_width_wave = 0.0, code_width_period = 4.0, widest_code = 0.0;
+    std::uint32_t nonlinearity_power = 3;
+    double read_noise_correlation = 0.0; // of neighbours in a row
     const float *gain_map = nullptr; // of the pixels, relative: mean 1; host memory, as dark_frame_dn
     std::uint64_t gain_map_pitch_bytes = 0;
 };
@@ -52,6 +54,6 @@ CLSP_EQUALITY(SensorParameters, width, height, bits, seed, exposure_gain_dn, sat
               row_noise_dn, column_noise_dn, read_noise_spread, shot_noise, effective_bits, row_offset_dn,
               dull_pixel_fraction, cubic_nonlinearity, periodic_offset_dn, periodic_frequency_x, periodic_frequency_y,
               telegraph_fraction, telegraph_step_dn, telegraph_centered, code_width_wave, code_width_period,
-              widest_code, gain_map, gain_map_pitch_bytes)
+              widest_code, nonlinearity_power, read_noise_correlation, gain_map, gain_map_pitch_bytes)
 
 } // namespace clsp

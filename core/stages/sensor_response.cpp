@@ -10,8 +10,8 @@ double full_of(const SensorParameters &p) {
     return double((1u << p.bits) - 1u);
 }
 
-double cubic_of(const SensorParameters &p, double signal) {
-    return signal * (1.0 - p.cubic_nonlinearity * std::pow(std::min(signal / full_of(p), 1.0), 3));
+double bent_of(const SensorParameters &p, double signal) {
+    return signal * (1.0 - p.cubic_nonlinearity * std::pow(std::min(signal / full_of(p), 1.0), p.nonlinearity_power));
 }
 
 } // namespace
@@ -24,7 +24,7 @@ double dark_signal_dn(const SensorParameters &p) {
 }
 
 double response_dn(const SensorParameters &p, double signal_dn) {
-    const double full = full_of(p), bent = cubic_of(p, std::max(signal_dn, 0.0));
+    const double full = full_of(p), bent = bent_of(p, std::max(signal_dn, 0.0));
     return p.gamma == 1.0 ? bent : full * std::pow(bent / full, p.gamma);
 }
 
@@ -36,8 +36,8 @@ double signal_of_response_dn(const SensorParameters &p, double response_dn) {
     // It rises everywhere, and is bent one way: Newton's steps come near from one side.
     double signal = bent;
     for (int step = 0; step < 50; ++step) {
-        const double part = signal / full, off = cubic_of(p, signal) - bent;
-        const double slope = 1.0 - (part < 1.0 ? 4.0 * std::pow(part, 3) : 1.0) * p.cubic_nonlinearity;
+        const double part = signal / full, off = bent_of(p, signal) - bent, power = p.nonlinearity_power;
+        const double slope = 1.0 - (part < 1.0 ? (power + 1.0) * std::pow(part, power) : 1.0) * p.cubic_nonlinearity;
         if (std::abs(off) <= 1e-9 * full || slope <= 0.0)
             break;
         signal = std::max(signal - off / slope, 0.0);

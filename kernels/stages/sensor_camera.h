@@ -27,6 +27,7 @@ typedef float output_t;
 #define SENSOR_TELEGRAPH 1024u
 #define SENSOR_LAG_SECOND 2048u
 #define SENSOR_CODE_WIDTHS 4096u
+#define SENSOR_CORRELATED 8192u
 
 // The same members as SensorConstants there, of four bytes each.
 typedef struct {
@@ -37,6 +38,8 @@ typedef struct {
         top_code, output_scale;
     float cubic, telegraph_fraction, telegraph_low, telegraph_high;
     float code_wave, code_wave_frequency, widest_code;
+    uint nonlinearity_power;
+    float read_noise_own, read_noise_left;
 } sensor_t;
 
 // Maps are NULL where their effect is off.

@@ -159,6 +159,16 @@ static inline void draw_telegraph(const sensor_t *s, const noise_blocks_t *block
 static inline void draw_noise(const sensor_t *s, const noise_blocks_t *blocks, frame_noise_t *noise) {
     if (s->switches & SENSOR_READ_NOISE)
         draw_read_noise(s, blocks, noise->read);
+    if (s->switches & SENSOR_CORRELATED) {
+        noise_blocks_t left_blocks = *blocks;
+        left_blocks.x -= 1u;
+        lanes_f left[NOISE_BLOCKS][4];
+        draw_read_noise(s, &left_blocks, left);
+        for (uint k = 0; k < blocks->count; ++k)
+            for (uint j = 0; j < 4; ++j)
+                noise->read[k][j] =
+                    fma(SPREAD(s->read_noise_left), left[k][j], s->read_noise_own * noise->read[k][j]);
+    }
     if (s->switches & SENSOR_SHOT_NOISE) {
         draw_normals(s, blocks, STREAM_SHOT_NOISE, noise->shot);
         draw_words(s, blocks, STREAM_SHOT_NOISE + 1, noise->shot_words);
@@ -316,7 +326,11 @@ static inline lanes_output expose_lanes(const camera_t *c, uint x, uint count, u
     }
     if (switches & SENSOR_CUBIC) {
         const lanes_f part = smaller(value * s->gamma_scale, SPREAD(1.0f));
-        value = fma(-s->cubic * value, part * (part * part), value);
+        const lanes_f square = part * part;
+        const lanes_f bend = s->nonlinearity_power == 3u   ? part * square
+                             : s->nonlinearity_power == 2u ? square
+                                                           : part;
+        value = fma(-s->cubic * value, bend, value);
     }
     if (switches & SENSOR_GAMMA) {
         const lanes_f relative = smaller(value * s->gamma_scale, SPREAD(4096.0f));

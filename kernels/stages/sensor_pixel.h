@@ -1,5 +1,5 @@
 // The camera's chain, one pixel at a time, for GPUs. What is on is compiled in, each 0 or 1:
-//   READ_NOISE, READ_NOISE_SPREAD, ROW_NOISE, COLUMN_NOISE, SHOT_NOISE, TELEGRAPH
+//   READ_NOISE, READ_NOISE_SPREAD, READ_NOISE_CORRELATED, ROW_NOISE, COLUMN_NOISE, SHOT_NOISE, TELEGRAPH
 //   MOSAIC, PRNU, COLD, DARK_CURRENT, LAG, CUBIC, GAMMA, OFFSET, QUANTIZE, CODE_WIDTHS, CODE_STEP
 // The equations are in sensor.h of the C API.
 #ifndef CLSP_SENSOR_PIXEL_H
@@ -50,17 +50,28 @@ static inline ALWAYS_INLINE float read_normal(uint word, uint row) {
     const normals2 pair = normal_pair_from_word(word);
     return (row & 1u) ? pair.n1 : pair.n0;
 }
+
+static inline ALWAYS_INLINE normals4 read_normals(const sensor_t *s, uint x, uint row) {
+    const words4 words = image_block(x, row >> 1, s->frame_low, s->frame_high, STREAM_READ_NOISE,
+                                     (uint2)(s->key_low, s->key_high));
+    const normals4 normals = {read_normal(words.w0, row), read_normal(words.w1, row), read_normal(words.w2, row),
+                              read_normal(words.w3, row)};
+    return normals;
+}
 #endif
 
 static inline ALWAYS_INLINE pixel_noise_t draw_pixel_noise(const sensor_t *s, uint x, uint row) {
     const uint2 key = (uint2)(s->key_low, s->key_high);
     pixel_noise_t noise = {.column = 0.0f}; // a camera may draw nothing
 #if READ_NOISE
-    const words4 words = image_block(x, row >> 1, s->frame_low, s->frame_high, STREAM_READ_NOISE, key);
-    noise.read.n0 = read_normal(words.w0, row);
-    noise.read.n1 = read_normal(words.w1, row);
-    noise.read.n2 = read_normal(words.w2, row);
-    noise.read.n3 = read_normal(words.w3, row);
+    noise.read = read_normals(s, x, row);
+#if READ_NOISE_CORRELATED
+    const normals4 left = read_normals(s, x - 1u, row);
+    noise.read.n0 = fma(s->read_noise_left, left.n0, s->read_noise_own * noise.read.n0);
+    noise.read.n1 = fma(s->read_noise_left, left.n1, s->read_noise_own * noise.read.n1);
+    noise.read.n2 = fma(s->read_noise_left, left.n2, s->read_noise_own * noise.read.n2);
+    noise.read.n3 = fma(s->read_noise_left, left.n3, s->read_noise_own * noise.read.n3);
+#endif
 #endif
 #if SHOT_NOISE
     noise.shot = normals_from_block(image_block(x, row, s->frame_low, s->frame_high, STREAM_SHOT_NOISE, key));
@@ -100,6 +111,12 @@ static inline ALWAYS_INLINE float code_between_levels(const sensor_t *s, float v
 }
 #endif
 
+// part of full scale, to the power of the nonlinearity.
+static inline ALWAYS_INLINE float bend_of(const sensor_t *s, float part) {
+    const float square = part * part;
+    return s->nonlinearity_power == 3u ? part * square : s->nonlinearity_power == 2u ? square : part;
+}
+
 // The signal that the intensity gives. fmax drops NaN.
 static inline ALWAYS_INLINE float signal_of(const sensor_t *s, float intensity) {
     return fmax(s->gain * intensity, 0.0f);
@@ -134,7 +151,7 @@ static inline ALWAYS_INLINE void expose_pixel(const camera_t *c, uint x, uint y,
 #if CUBIC
     // What the converter clips bends no further.
     const float part = fmin(value * s->gamma_scale, 1.0f);
-    value = fma(-s->cubic * value, part * (part * part), value);
+    value = fma(-s->cubic * value, bend_of(s, part), value);
 #endif
 #if GAMMA
     // Below 2^-100 of full scale a signal counts as 0, above 2^12 as 2^12, so that no power leaves the range of a

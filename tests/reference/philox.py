@@ -61,7 +61,9 @@ def philox4x32_10(counters: NDArray[np.uint32], key: tuple[int, int] | NDArray[n
     return np.stack([c0, c1, c2, c3], axis=-1).astype(np.uint32)
 
 
-def image_blocks(height: int, width: int, seed: int, frame_index: int, stream: int) -> NDArray[np.uint32]:
+def image_blocks(
+    height: int, width: int, seed: int, frame_index: int, stream: int, first_column: int = 0
+) -> NDArray[np.uint32]:
     """Blocks of an image, shape (Q, width, 4) with Q = ceil(height / 4) (philox.h, image mapping).
 
     Counter (x, y mod Q, frame & 0xffffffff, stream | (frame >> 32) << 16), key (seed & 0xffffffff, seed >> 32).
@@ -72,7 +74,7 @@ def image_blocks(height: int, width: int, seed: int, frame_index: int, stream: i
         raise ValueError("stream must be below 2^16")
     quarter = -(-height // 4)
     counters = np.empty((quarter, width, 4), dtype=np.uint32)
-    counters[..., 0] = np.arange(width, dtype=np.uint32)[None, :]
+    counters[..., 0] = (np.arange(width) + first_column).astype(np.uint32)[None, :]
     counters[..., 1] = np.arange(quarter, dtype=np.uint32)[:, None]
     counters[..., 2] = frame_index & 0xFFFFFFFF
     counters[..., 3] = stream | (frame_index >> 32) << 16
@@ -137,12 +139,14 @@ def normal_pair(words: NDArray[np.uint32]) -> NDArray[np.float64]:
     return radius[..., None] * np.stack([first, second], axis=-1)
 
 
-def image_pair_normal(height: int, width: int, seed: int, frame_index: int, stream: int) -> NDArray[np.float64]:
+def image_pair_normal(
+    height: int, width: int, seed: int, frame_index: int, stream: int, first_column: int = 0
+) -> NDArray[np.float64]:
     """Normals of every pixel where rows 2 n and 2 n + 1 of each quarter share a block: its words' first normals are
     the even row's."""
     quarter = -(-height // 4)
     # The blocks of an image of half as many rows in each quarter.
-    blocks = image_blocks(4 * ((quarter + 1) // 2), width, seed, frame_index, stream)
+    blocks = image_blocks(4 * ((quarter + 1) // 2), width, seed, frame_index, stream, first_column)
     pairs = normal_pair(blocks)  # rows / 2, width, word, parity
     rows = np.arange(height)
     row = rows % quarter

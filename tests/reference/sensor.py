@@ -88,6 +88,8 @@ class Sensor:
     code_width_wave: float = 0.0
     code_width_period: float = 4.0
     widest_code: float = 0.0
+    nonlinearity_power: int = 3
+    read_noise_correlation: float = 0.0
 
     def __post_init__(self) -> None:
         if self.photons_per_unit:
@@ -183,11 +185,21 @@ class Sensor:
         spread = self.read_noise_spread
         return self.read_noise_dn * np.exp(spread * self._normal(STREAM_READ_NOISE_SPREAD) - spread**2)
 
+    def read_normal(self, frame_index: int) -> NDArray[np.float64]:
+        """The read noise of a frame, of variance 1."""
+        r = self.read_noise_correlation
+        size = self.height, self.width
+        own = philox.image_pair_normal(*size, self.seed, frame_index, STREAM_READ_NOISE)
+        if r == 0.0:
+            return own
+        w = (1.0 - np.sqrt(1.0 - 4.0 * r**2)) / (2.0 * r)
+        left = philox.image_pair_normal(*size, self.seed, frame_index, STREAM_READ_NOISE, first_column=-1)
+        return (own + w * left) / np.hypot(1.0, w)
+
     def noise_dn(self, frame_index: int) -> NDArray[np.float64]:
         """What step 9 adds anew in each frame."""
         return (
-            self.read_noise_map_dn()
-            * philox.image_pair_normal(self.height, self.width, self.seed, frame_index, STREAM_READ_NOISE)
+            self.read_noise_map_dn() * self.read_normal(frame_index)
             + self.row_noise_dn * self._column(STREAM_ROW_NOISE, frame_index)
             + self.column_noise_dn * self._row(STREAM_COLUMN_NOISE, frame_index)
             + self.telegraph_dn(frame_index)
@@ -215,7 +227,7 @@ class Sensor:
     ) -> NDArray[np.float64]:
         """Before clipping and rounding: steps 1 to 9, and what the converter's levels do."""
         signal = self.signal_dn(intensity, frame_index, previous)
-        signal = signal * (1.0 - self.cubic_nonlinearity * np.minimum(signal / self.top_code, 1.0) ** 3)
+        signal = signal * (1.0 - self.cubic_nonlinearity * np.minimum(signal / self.top_code, 1.0) ** self.nonlinearity_power)
         if self.gamma != 1.0:
             signal = self.top_code * (signal / self.top_code) ** self.gamma
         value = signal + self.fixed_offset_dn() + self.noise_dn(frame_index)

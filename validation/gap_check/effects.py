@@ -121,6 +121,7 @@ _CATALOGUE = (
     EffectInfo("dark_current", "sensor", {"rate_dn_per_ms": (0.1, 1.0)}, ALL_SEQUENCES),
     EffectInfo("row_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
     EffectInfo("column_noise", "sensor", {"sigma_dn": (0.8, 4.0)}, ALL_SEQUENCES),
+    EffectInfo("correlated_read_noise", "sensor", {"correlation": (0.04, 0.2)}, ALL_SEQUENCES),
     EffectInfo("gamma", "sensor", {"gamma": (0.93, 0.75)}, LIT_SEQUENCES),
     EffectInfo("nonlinearity", "sensor", {"cubic": (0.01, 0.05)}, LIT_SEQUENCES),
     EffectInfo("full_well", "sensor", {"level_dn": (650.0, 380.0)}, LIT_SEQUENCES),

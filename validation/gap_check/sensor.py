@@ -134,6 +134,22 @@ def temporal_offsets(camera: Camera, name: str, effects: Effects, frames: int, s
     return offsets
 
 
+def read_noise(camera: Camera, name: str, effects: Effects, frames: int, seed: int) -> Stack:
+    """Gaussian noise of variance 1 (frames, height, width).
+
+    A correlation r is that of neighbours in a row alone: white noise with the spectrum 1 + 2 r cos(2 pi f).
+    """
+    rng = stream(seed, name, "read_noise")
+    if "correlated_read_noise" not in effects:
+        return rng.standard_normal((frames, *camera.shape))
+    # One column more, so that the spectrum's period joins none of the image's borders.
+    white = rng.standard_normal((frames, camera.height, camera.width + 1))
+    turns = np.fft.rfftfreq(camera.width + 1)
+    spectrum = 1 + 2 * effects["correlated_read_noise"]["correlation"] * np.cos(2 * np.pi * turns)
+    colored = np.fft.irfft(np.fft.rfft(white) * np.sqrt(np.maximum(spectrum, 0)), camera.width + 1)
+    return colored[..., :-1]
+
+
 def transfer_smear(signal: Stack, fraction: float) -> Stack:
     """Charge left behind at each transfer trails to the right: y[x] = (1 - f) s[x] + f y[x - 1]."""
     trailed = np.empty_like(signal)
@@ -248,7 +264,7 @@ def record(camera: Camera, sequence: Sequence, light: Stack, effects: Effects, f
         else:
             signal = signal + charge
     signal = respond(camera, signal, effects, "after_photons")
-    noise = camera.read_noise_dn * stream(seed, name, "read_noise").standard_normal((frames, *camera.shape))
+    noise = camera.read_noise_dn * read_noise(camera, name, effects, frames, seed)
     analog = signal + camera.black_dn + noise
     if effects.keys() & {"dsnu", "column_fpn", "row_fpn", "periodic_offset", "hot_pixels", "dark_shading"}:
         analog += fixed_offsets(camera, effects, seed)

@@ -65,6 +65,8 @@ typedef struct ClspCameraTraits {
     double gamma;                /**< As in ClspSensorDesc, default 1. */
     double cubic_nonlinearity;   /**< As in ClspSensorDesc, default 0. */
     double ambient_dn;           /**< Constant light, default 0. */
+    uint32_t nonlinearity_power; /**< As in ClspSensorDesc, default 3. */
+    uint32_t reserved_nonlinearity; /**< 0. */
 } ClspCameraTraits;
 
 /** The defaults of each member. */

@@ -24,9 +24,10 @@
  *      6. s <- min(s, saturation_dn)                                full well
  *      7. s <- (1 - lag_fraction) s + lag_fraction * (s of the frame before, after this step); the first frame has
  *              none before it
- *      8. s <- s (1 - cubic_nonlinearity min(s / full, 1)^3), then s <- full * (s / full)^gamma
+ *      8. s <- s (1 - cubic_nonlinearity min(s / full, 1)^nonlinearity_power),
+ *              then s <- full * (s / full)^gamma
  *      9. v  = s + black_level_dn + dark_frame(x, y) + hot(x, y) + dsnu_dn * n2(x, y) + column_offset_dn * n3(x)
- *              + read_noise_dn * r(x, y) * n4(x, y, t) + row_noise_dn * n5(y, t) + column_noise_dn * n6(x, t)
+ *              + read_noise_dn * r(x, y) * n(x, y, t) + row_noise_dn * n5(y, t) + column_noise_dn * n6(x, t)
  *              + row_offset_dn * n10(y)
  *              + periodic_offset_dn * sin(2 pi (periodic_frequency_x x + periodic_frequency_y y + p))
  *              + telegraph_step_dn * (b(x, y, t) - c) at telegraph pixels, b 0 or 1, c 0 (1/2 with telegraph_centered)
@@ -37,7 +38,10 @@
  *              P = code_width_period, so that n is 1 + code_width_wave cos(2 pi (n - widest_code) / P) wide
  *
  * n1 to n10 are standard normal, from these Philox streams (philox.h): n1 0x14, n2 0x15, n3 0x16, n4 0x10, n5 0x17, n6
- * 0x1b, n7 0x1a, n8 0x1c, n9 0x1d, n10 0x1e. n4 takes a word for two pixels ("pair" in philox.h). n1, n2, n3, n7 to n10
+ * 0x1b, n7 0x1a, n8 0x1c, n9 0x1d, n10 0x1e.
+ * n4 takes a word for two pixels ("pair" in philox.h). n is n4, and with a read_noise_correlation q it is
+ * (n4(x, y) + w n4(x - 1, y)) / sqrt(1 + w^2), w = (1 - sqrt(1 - 4 q^2)) / (2 q); left of column 0 is column 2^32 - 1.
+ * n1, n2, n3, n7 to n10
  * are drawn once (frame index 0); n4, n5, n6 are new in each frame. n3, n6 and n8 are images one pixel high, n5, n9 and
  * n10 one pixel wide. u is the pixel's uniform of stream 0x1f, p the first word of stream 0x36 as turns of 2^-32.
  * Telegraph pixels have a uniform of stream 0x37 below telegraph_fraction; b is the highest bit of the frame's word of
@@ -124,7 +128,7 @@ typedef struct ClspSensorDesc {
     double dull_pixel_fraction;  /**< Part of the pixels whose gain is only 0.7 to 1 times what it would be, 0 to 1;
                                       default 0. */
     double cubic_nonlinearity;   /**< Part of the signal that the response lacks at full scale, -1 to 0.25; default
-                                      0. */
+                                      0. Below, it goes with the signal to the power of nonlinearity_power. */
     double periodic_offset_dn;   /**< Amplitude of a wave of offsets, constant in time, >= 0; default 0. */
     double periodic_frequency_x; /**< Of the wave, cycles per pixel, -0.5 to 0.5; default 0. */
     double periodic_frequency_y; /**< Downwards. */
@@ -141,6 +145,9 @@ typedef struct ClspSensorDesc {
                                       quantization has none. */
     double code_width_period;    /**< Of the wave, codes, 2 to 16; default 4. */
     double widest_code;          /**< A code where the wave is highest, 0 to 65536; default 0. */
+    uint32_t nonlinearity_power; /**< Of cubic_nonlinearity, 1, 2 or 3; default 3. With 1 the response is quadratic. */
+    uint32_t reserved_nonlinearity; /**< 0. */
+    double read_noise_correlation; /**< Of the read noise of neighbours in a row, -0.5 to 0.5; default 0: none. */
 } ClspSensorDesc;
 
 /** @name Colour filters: which colours lie at the sites (0,0) (1,0) / (0,1) (1,1) */

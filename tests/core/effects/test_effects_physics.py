@@ -627,12 +627,32 @@ def test_a_dark_signal_grows_with_the_time(context):
     assert lamp(pipeline, 2).mean() == pytest.approx(200 + 2000 + 20, abs=0.05)
 
 
-def test_a_cubic_response(context):
-    """Means of even light follow s (1 - c (s / full)^3) up to full scale."""
-    pipeline = camera(context, **CODES, effects={"nonlinearity": {"cubic": 0.05}})
+@pytest.mark.parametrize("correlation", [-0.5, -0.1, 0.3])
+def test_read_noise_that_neighbours_share(context, measured, correlation):
+    """In rows neighbours correlate as stated, all others do not: 1e6 codes, so that a correlation has a standard error
+    of 1e-3, and one of 5e-3 off is found in 999 of 1000. The variance stays."""
+    effects = {"correlated_read_noise": {"correlation": correlation}}
+    frames = darkness(camera(context, **CODES | {"read_noise_dn": 6.0}, effects=effects), 16) - 200
+    variance = frames.var()
+    assert variance == pytest.approx(36 + 1 / 12, rel=0.01)
+
+    def along(dy, dx):
+        height, width = frames.shape[1:]
+        return np.mean(frames[:, dy:, dx:] * frames[:, : height - dy, : width - dx]) / variance
+
+    measured("correlation of neighbours", along(0, 1))
+    assert along(0, 1) == pytest.approx(correlation * 36 / variance, abs=5e-3)
+    for dy, dx in ((0, 2), (0, 3), (1, 0), (1, 1), (2, 0)):
+        assert along(dy, dx) == pytest.approx(0, abs=5e-3)
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_a_bent_response(context, power):
+    """Means of even light follow s (1 - c (s / full)^power) up to full scale."""
+    pipeline = camera(context, **CODES, effects={"nonlinearity": {"cubic": 0.05, "power": power}})
     for level in (0.1, 0.5, 1.0, 1.6, 1.9):
         signal = 2000 * level
-        expected = signal * (1 - 0.05 * (signal / 4095) ** 3)
+        expected = signal * (1 - 0.05 * (signal / 4095) ** power)
         assert lamp(pipeline, 4, level).mean() == pytest.approx(200 + expected, abs=0.02)
 
 

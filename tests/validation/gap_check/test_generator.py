@@ -513,6 +513,22 @@ def test_line_noise_is_new_each_frame(camera: Camera, name: str, axis: int) -> N
     assert abs(np.corrcoef(lines[0], lines[1])[0, 1]) < 0.4
 
 
+@pytest.mark.parametrize("correlation", [0.2, -0.3])
+def test_correlated_read_noise_is_that_of_neighbours_in_a_row(camera: Camera, correlation: float) -> None:
+    """Correlations of 400,000 codes: standard errors of 0.0016."""
+    noise = codes(camera, "dark", correlated_read_noise={"correlation": correlation})
+    noise = noise - noise.mean(axis=0)
+    variance = noise.var()
+    assert variance == pytest.approx((1 - 1 / len(noise)) * (camera.read_noise_dn**2 + 1 / 12), rel=0.02)
+
+    def along(x: int, y: int) -> float:
+        height, width = camera.shape
+        return float(np.mean(noise[:, y:, x:] * noise[:, : height - y, : width - x]) / variance)
+
+    assert along(1, 0) == pytest.approx(correlation * (1 - 1 / 12 / variance), abs=0.007)
+    assert max(abs(along(x, y)) for x, y in ((2, 0), (3, 0), (0, 1), (1, 1), (camera.shape[1] - 1, 0))) < 0.02
+
+
 def test_periodic_offset_is_one_line_of_the_spectrum(camera: Camera) -> None:
     wave = {"amplitude_dn": 4.0, "frequency_x": 13 / 128, "frequency_y": -40 / 128}
     for name in ("dark", "flat"):

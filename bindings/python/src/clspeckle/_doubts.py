@@ -232,6 +232,7 @@ class Converter:
     effective_bits: int
     gamma: float
     cubic_nonlinearity: float
+    nonlinearity_power: int
     float_full_scale: float
 
     def with_traits(self, traits: Any) -> Converter:
@@ -242,6 +243,7 @@ class Converter:
             effective_bits=traits.effective_bits,
             gamma=traits.gamma,
             cubic_nonlinearity=traits.cubic_nonlinearity,
+            nonlinearity_power=traits.nonlinearity_power,
         )
 
     @property
@@ -255,7 +257,7 @@ class Converter:
         full = 2.0**self.bits - 1
         signal = self.saturation_dn
         if math.isfinite(signal):
-            signal *= 1 - self.cubic_nonlinearity * min(signal / full, 1.0) ** 3
+            signal *= 1 - self.cubic_nonlinearity * min(signal / full, 1.0) ** self.nonlinearity_power
             signal = full * (signal / full) ** self.gamma
         return signal
 

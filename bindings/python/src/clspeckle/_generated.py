@@ -190,7 +190,7 @@ class ClspCameraTraits(Structure):
     _fields_ = [
         ("struct_size", _u32), ("bits", _u32), ("effective_bits", _u32), ("polarization_count", _u32),
         ("fill_factor", _f64), ("saturation_dn", _f64), ("gamma", _f64), ("cubic_nonlinearity", _f64),
-        ("ambient_dn", _f64),
+        ("ambient_dn", _f64), ("nonlinearity_power", _u32), ("reserved_nonlinearity", _u32),
     ]
 
 
@@ -488,6 +488,7 @@ class ClspSensorDesc(Structure):
         ("periodic_frequency_y", _f64), ("telegraph_fraction", _f64), ("telegraph_step_dn", _f64),
         ("telegraph_centered", _u32), ("reserved_telegraph", _u32), ("gain_map", _P(_f32)),
         ("gain_map_pitch_bytes", _u64), ("code_width_wave", _f64), ("code_width_period", _f64), ("widest_code", _f64),
+        ("nonlinearity_power", _u32), ("reserved_nonlinearity", _u32), ("read_noise_correlation", _f64),
     ]
 
 

@@ -167,6 +167,8 @@ class PipelineParameters(TypedDict, total=False):
     code_width_wave: float | None
     code_width_period: float | None
     widest_code: float | None
+    nonlinearity_power: int | None
+    read_noise_correlation: float | None
     gain_map: npt.ArrayLike | None
     line_count: int | None
     sub_exposures: int | None
@@ -885,7 +887,7 @@ class Pipeline(Stage):
         traits.polarization_count, traits.ambient_dn = self._polarization_count, ambient_dn
         traits.bits = traits.effective_bits = 16 if converter is None else converter.bits
         if converter is not None:
-            for name in ("effective_bits", "saturation_dn", "gamma", "cubic_nonlinearity"):
+            for name in ("effective_bits", "saturation_dn", "gamma", "cubic_nonlinearity", "nonlinearity_power"):
                 setattr(traits, name, getattr(converter, name))
         catalogued = {effect: list(v.values()) for effect, v in effects.items() if effect not in self._own}
         return _changed_by(traits, catalogued)

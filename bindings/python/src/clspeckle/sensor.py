@@ -141,7 +141,8 @@ class Sensor(Stage):
         effective_bits: that the ADC resolves, 1 to bits; 0: all of them.
         row_offset_dn: standard deviation of the rows' offsets, constant in time.
         dull_pixel_fraction: part of the pixels whose gain is only 0.7 to 1 times what it would be, 0 to 1.
-        cubic_nonlinearity: part of the signal that the response lacks at full scale, -1 to 0.25.
+        cubic_nonlinearity: part of the signal that the response lacks at full scale, -1 to 0.25; below, it goes with
+            the signal to the power of `nonlinearity_power`.
         periodic_offset_dn: amplitude of a wave of offsets, constant in time.
         periodic_frequency_x: of the wave, cycles per pixel, -0.5 to 0.5; `periodic_frequency_y` likewise downwards.
         telegraph_fraction: part of the pixels whose offset jumps in half of the frames, 0 to 1.
@@ -151,6 +152,8 @@ class Sensor(Stage):
             0.5. A float32 output without quantization has none.
         code_width_period: of the wave, in codes, 2 to 16.
         widest_code: a code where the wave is highest, 0 to 65536.
+        nonlinearity_power: of `cubic_nonlinearity`, 1, 2 or 3. With 1 the response is quadratic.
+        read_noise_correlation: of the read noise of neighbours in a row, -0.5 to 0.5.
         gain_map: (height, width) relative gains of the pixels (a PRNU map), >= 0, their mean 0.9 to 1.1; copied.
         quantize: False: a float32 output is only clipped, not quantized.
         context: None for :func:`default_context`.
@@ -214,6 +217,8 @@ class Sensor(Stage):
         code_width_wave: float | None = None,
         code_width_period: float | None = None,
         widest_code: float | None = None,
+        nonlinearity_power: int | None = None,
+        read_noise_correlation: float | None = None,
         gain_map: npt.ArrayLike | None = None,
         context: Context | None = None,
     ) -> None:
@@ -417,6 +422,7 @@ def _converter(desc: _library.ClspSensorDesc, options: Mapping[str, Any]) -> _do
         effective_bits=desc.effective_bits or desc.bits,
         gamma=desc.gamma,
         cubic_nonlinearity=desc.cubic_nonlinearity,
+        nonlinearity_power=desc.nonlinearity_power,
         float_full_scale=desc.float_full_scale,
     )
 

@@ -237,6 +237,8 @@ CAMERAS = {
         "read_noise_spread": 0.2,
         "effective_bits": 7,
         "cubic_nonlinearity": 0.04,
+        "nonlinearity_power": 1,
+        "read_noise_correlation": 0.2,
         "telegraph_fraction": 0.02,
         "telegraph_step_dn": 20.0,
         "code_width_wave": 0.2,

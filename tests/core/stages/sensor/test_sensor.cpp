@@ -53,8 +53,10 @@ TEST_F(Sensor, DescInit) {
                        desc.dsnu_dn, desc.column_offset_dn, desc.row_noise_dn, desc.column_noise_dn,
                        desc.read_noise_spread, desc.row_offset_dn, desc.dull_pixel_fraction, desc.cubic_nonlinearity,
                        desc.periodic_offset_dn, desc.periodic_frequency_x, desc.periodic_frequency_y,
-                       desc.telegraph_fraction, desc.telegraph_step_dn, desc.code_width_wave, desc.widest_code})
+                       desc.telegraph_fraction, desc.telegraph_step_dn, desc.code_width_wave, desc.widest_code,
+                       desc.read_noise_correlation})
         EXPECT_EQ(0.0, off);
+    EXPECT_EQ(3u, desc.nonlinearity_power);
     for (double one : {desc.quantum_efficiency, desc.gamma, desc.mosaic_gain[0], desc.mosaic_gain[1],
                        desc.mosaic_gain[2], desc.mosaic_gain[3]})
         EXPECT_EQ(1.0, one);
@@ -103,6 +105,8 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         d.row_offset_dn = d.periodic_offset_dn = 2;
         d.periodic_frequency_x = 0.13;
         d.cubic_nonlinearity = 0.04;
+        d.nonlinearity_power = 2;
+        d.read_noise_correlation = -0.2;
         d.telegraph_fraction = 0.1;
         d.telegraph_step_dn = 20;
         d.code_width_wave = 0.2;
@@ -138,6 +142,11 @@ TEST(SensorLanes, TheSameBitsAsTheKernelOfOtherDevices) {
         {"dull pixels", [](ClspSensorDesc &d) { d.dull_pixel_fraction = 0.1; }},
         {"cubic", [](ClspSensorDesc &d) { d.cubic_nonlinearity = 0.05; }},
         {"cubic upwards", [](ClspSensorDesc &d) { d.cubic_nonlinearity = -0.05; }},
+        {"quadratic", [](ClspSensorDesc &d) { d.cubic_nonlinearity = 0.05, d.nonlinearity_power = 1; }},
+        {"second power", [](ClspSensorDesc &d) { d.cubic_nonlinearity = 0.05, d.nonlinearity_power = 2; }},
+        {"correlated noise", [](ClspSensorDesc &d) { d.read_noise_correlation = 0.3; }},
+        {"correlated noise of a spread",
+         [](ClspSensorDesc &d) { d.read_noise_correlation = -0.5, d.read_noise_spread = 0.3; }},
         {"telegraph noise", [](ClspSensorDesc &d) { d.telegraph_fraction = 0.1, d.telegraph_step_dn = 30; }},
         {"code widths", [](ClspSensorDesc &d) { d.code_width_wave = 0.3, d.widest_code = 2; }},
         {"everything", everything},
@@ -605,6 +614,10 @@ TEST_F(Sensor, ImpossibleCamerasAreRefused) {
             fails("", [&](ClspSensorDesc &d) { d.*member = bad; });
     for (double bad : {test::nan_value, test::infinity, -1.01, 0.26})
         fails("cubic_nonlinearity", [&](ClspSensorDesc &d) { d.cubic_nonlinearity = bad; });
+    for (std::uint32_t bad : {0u, 4u})
+        fails("nonlinearity_power", [&](ClspSensorDesc &d) { d.nonlinearity_power = bad; });
+    for (double bad : {test::nan_value, test::infinity, -0.51, 0.51})
+        fails("read_noise_correlation", [&](ClspSensorDesc &d) { d.read_noise_correlation = bad; });
     fails("code_width_wave", [](ClspSensorDesc &d) { d.code_width_wave = 0.51; });
     for (double bad : {1.9, 16.1})
         fails("code_width_period", [&](ClspSensorDesc &d) { d.code_width_period = bad; });
