@@ -2,6 +2,7 @@
 #include "statistics/spectrum_sums.hpp"
 #include "statistics/statistic_groups.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -12,26 +13,30 @@ namespace {
 // Black levels of a camera wander that far from sequence to sequence, in read noise.
 constexpr double kLeastLevelDeviation = 0.01;
 
-// Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
-// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say.
-double bulk_deviation(const Geometry &geometry, const std::vector<float> &image) {
-    std::vector<float> magnitudes;
-    magnitudes.reserve(geometry.used);
+using Values = Eigen::ArrayXf;
+
+Values used_values(const Geometry &geometry, const std::vector<float> &image) {
+    Values values(static_cast<Eigen::Index>(geometry.pixels));
+    Eigen::Index count = 0;
     for (std::size_t i = 0; i < geometry.pixels; ++i)
         if (geometry.is_used(i))
-            magnitudes.push_back(std::fabs(image[i]));
-    const std::size_t rank = magnitudes.size() * 68 / 100;
-    std::nth_element(magnitudes.begin(), magnitudes.begin() + std::ptrdiff_t(rank), magnitudes.end());
-    double deviation = std::max(double(magnitudes[rank]), 1e-4);
+            values[count++] = image[i];
+    values.conservativeResize(count);
+    return values;
+}
+
+// Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
+// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say.
+double bulk_deviation(const Values &values) {
+    Values magnitudes = values.abs();
+    float *const ranked = magnitudes.data() + magnitudes.size() * 68 / 100;
+    std::nth_element(magnitudes.data(), ranked, magnitudes.data() + magnitudes.size());
+    double deviation = std::max(double(*ranked), 1e-4);
+    const Values squared = values.square();
     for (int step = 0; step < 5; ++step) {
-        const float factor = float(-1.0 / (18.0 * deviation * deviation));
-        double squares = 0.0, weights = 0.0;
-        for (const float magnitude : magnitudes) {
-            const float squared = magnitude * magnitude, weight = std::exp(factor * squared);
-            squares += double(weight * squared);
-            weights += double(weight);
-        }
-        deviation = std::max(std::sqrt(ratio(squares, weights) / 0.9), 1e-4);
+        const Values weights = (float(-1.0 / (18.0 * deviation * deviation)) * squared).exp();
+        const double squares = (weights * squared).cast<double>().sum();
+        deviation = std::max(std::sqrt(ratio(squares, weights.cast<double>().sum()) / 0.9), 1e-4);
     }
     return deviation;
 }
@@ -46,14 +51,20 @@ std::vector<float> without_far_out(const std::vector<float> &image, double devia
     return result;
 }
 
-double soft_count(const Geometry &geometry, const std::vector<float> &image, double threshold, double step) {
-    double count = 0.0;
-    for (std::size_t i = 0; i < geometry.pixels; ++i) {
-        const double above = (double(image[i]) - threshold) / step;
-        if (above > -40.0 && geometry.is_used(i))
-            count += 1.0 / (1.0 + std::exp(-std::min(above, 40.0)));
-    }
-    return count;
+// How many pixels are beyond 6, 12 and 48 deviations, and beyond 6 below. Each count begins softly, as
+// 1 / (1 + exp(12 - 12 u / limit)) at u deviations, so that it is never exactly nothing.
+struct FarOut {
+    double above_6, above_12, above_48, below_6;
+};
+
+FarOut count_far_out(const Values &values, double deviation) {
+    // One exponential for all of them. What is farther out than this is so for all limits.
+    constexpr double kMost = 80.0;
+    const double far = std::exp(12.0);
+    const Eigen::ArrayXd quarter = (values.cast<double>() / (4.0 * deviation)).max(-kMost).min(kMost).exp();
+    const Eigen::ArrayXd whole = quarter.square().square(), twice = whole.square();
+    return {(twice / (twice + far)).sum(), (whole / (whole + far)).sum(), (quarter / (quarter + far)).sum(),
+            (1.0 + far * twice).inverse().sum()};
 }
 
 // Variance of the means of the rows (columns) times their pixels: that of a pixel, if pixels are independent.
@@ -94,7 +105,8 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
         mean[i] -= geometry.is_used(i) ? (*in.dark_frame)[i] : 0.0f;
     const FieldCoefficients field = fit_field(geometry, mean, kFieldTerms);
     const std::vector<float> pattern = without_field(geometry, mean, field);
-    const double deviation = bulk_deviation(geometry, pattern);
+    const Values values = used_values(geometry, pattern);
+    const double deviation = bulk_deviation(values);
     std::vector<float> bulk = without_far_out(pattern, deviation);
     bulk = without_field(geometry, bulk, fit_field(geometry, bulk, kFieldTerms)); // they bent the field
     Powers powers;
@@ -115,20 +127,12 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
              std::asinh(powers.cube / used / std::pow(variance + 1e-6, 1.5)));
     sink.put("sensor", "fixed_pattern_kurtosis", "log",
              std::log((powers.fourth / used + 1e-6) / (variance * variance + 1e-6)));
-    // Hot pixels: a count that begins softly, so that it is never exactly nothing.
-    const auto count = [&](double threshold, double step) {
-        return soft_count(geometry, pattern, threshold * deviation, step * deviation);
-    };
-    sink.put_count("sensor", "hot_pixels_6_sigma", count(kFarOut, 0.5));
-    sink.put_count("sensor", "hot_pixels_12_sigma", count(12.0, 1.0));
-    sink.put_count("sensor", "hot_pixels_48_sigma", count(48.0, 4.0));
-    if (is_flat) {
-        std::vector<float> negative(pattern);
-        for (float &value : negative)
-            value = -value;
-        sink.put_count("sensor", "cold_pixels_6_sigma",
-                       soft_count(geometry, negative, 6.0 * deviation, 0.5 * deviation));
-    }
+    const FarOut far_out = count_far_out(values, deviation);
+    sink.put_count("sensor", "hot_pixels_6_sigma", far_out.above_6);
+    sink.put_count("sensor", "hot_pixels_12_sigma", far_out.above_12);
+    sink.put_count("sensor", "hot_pixels_48_sigma", far_out.above_48);
+    if (is_flat)
+        sink.put_count("sensor", "cold_pixels_6_sigma", far_out.below_6);
 
     const char *names[] = {"fixed_pattern_correlation_x1", "fixed_pattern_correlation_y1"};
     const Lag lags[] = {{1, 0}, {0, 1}};
