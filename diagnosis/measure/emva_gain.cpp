@@ -4,10 +4,12 @@
 #include "statistics/distributions.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 #include <utility>
+#include <vector>
 
 namespace clsp {
 namespace {
@@ -17,6 +19,7 @@ constexpr double kMostLost = 0.01; // of a flat's pixels at an end of the scale
 constexpr double kGrows = 3.0;     // standard errors by which a gain is above 0
 constexpr double kMisfit = 0.01;   // chance of the points' scatter, below which it widens the interval
 constexpr double kLeastLag = 0.02; // of the noise
+constexpr double kErrorOfMedian = 1.2533141; // over that of the mean: sqrt(pi / 2), of a normal law
 constexpr std::size_t kBins = 32;  // of a resting scene's pixels, by their means
 constexpr double kMostDrift = 0.3, kMostShared = 0.05; // of its variance
 
@@ -174,10 +177,11 @@ void EmvaMeasurement::gain_of_flats(std::vector<EmvaSequence *> &flats) {
 }
 
 // Photon noise of a resting laser scene: pixels' variances by successive differences against their means. Speckle that
-// drifts adds to it, the more the farther frames are apart.
+// drifts adds to it, the more the farther frames are apart. What moves in a few frames alone is in few pairs of them:
+// the gain is the median of what the pairs say.
 void EmvaMeasurement::gain_at_rest() {
     struct Slope {
-        double gain = 0.0, error = 0.0, shared = 0.0;
+        double gain = 0.0, error = 0.0, shared = 0.0, variance = 0.0;
     };
     const EmvaSequence *scene = nullptr;
     bool moving = false;
@@ -198,8 +202,21 @@ void EmvaMeasurement::gain_at_rest() {
         if (stack.counts[i])
             order.push_back(i);
     std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return stack.mean[a] < stack.mean[b]; });
-    const auto slope_of = [&](const FrameStack::Differences &of) {
-        double w = 0.0, wx = 0.0, wy = 0.0, wxx = 0.0, wxy = 0.0;
+    const auto slope_at = [&](std::size_t lag) {
+        std::vector<std::array<double, kBins>> pairs;
+        const FrameStack::Differences of =
+            differences(capture_, stack, lag, [&](const std::vector<double> &difference) {
+                pairs.emplace_back();
+                for (std::size_t b = 0; b < kBins; ++b) {
+                    const std::size_t from = order.size() * b / kBins, to = order.size() * (b + 1) / kBins;
+                    double sum = 0.0;
+                    for (std::size_t k = from; k < to; ++k)
+                        sum += difference[order[k]] * difference[order[k]];
+                    pairs.back()[b] = sum / double(to - from);
+                }
+            });
+        std::array<double, kBins> weights{}, means{};
+        double w = 0.0, wx = 0.0, wxx = 0.0;
         for (std::size_t b = 0; b < kBins; ++b) {
             const std::size_t from = order.size() * b / kBins, to = order.size() * (b + 1) / kBins;
             double mean = 0.0, sum = 0.0, squares = 0.0;
@@ -211,17 +228,25 @@ void EmvaMeasurement::gain_at_rest() {
             for (std::size_t k = from; k < to; ++k)
                 squares += std::pow(of.pixel[order[k]] - sum, 2);
             const double weight = count * (count - 1.0) / std::max(squares, 1e-300);
+            weights[b] = weight;
+            means[b] = mean;
             w += weight;
             wx += weight * mean;
-            wy += weight * sum;
             wxx += weight * mean * mean;
-            wxy += weight * mean * sum;
         }
         const double spread = wxx - wx * wx / w;
-        return Slope{(wxy - wx * wy / w) / spread, 1.0 / std::sqrt(spread), of.neighbors / of.variance};
+        std::vector<double> slopes;
+        for (const std::array<double, kBins> &pair : pairs) {
+            double slope = 0.0;
+            for (std::size_t b = 0; b < kBins; ++b)
+                slope += weights[b] * (means[b] - wx / w) * pair[b] / spread;
+            slopes.push_back(slope);
+        }
+        std::sort(slopes.begin(), slopes.end());
+        const double median = 0.5 * (slopes[(slopes.size() - 1) / 2] + slopes[slopes.size() / 2]);
+        return Slope{median, kErrorOfMedian / std::sqrt(spread), of.neighbors / of.variance, of.variance};
     };
-    const FrameStack::Differences farther = differences(capture_, stack, 2);
-    const Slope near = slope_of(stack.successive), far = slope_of(farther);
+    const Slope near = slope_at(1), far = slope_at(2);
     const std::string &name = scene->layout->name;
     double gain = near.gain, error = near.error, model = 0.0;
     const double drift = far.gain - near.gain;
@@ -231,12 +256,12 @@ void EmvaMeasurement::gain_at_rest() {
         error = std::hypot(2.0 * near.error, far.error);
     }
     const double shared =
-        model > 0.0 ? 2.0 * near.shared - far.shared * farther.variance / stack.successive.variance : near.shared;
+        model > 0.0 ? 2.0 * near.shared - far.shared * far.variance / near.variance : near.shared;
     if (!(gain > 0.0) || drift > kMostDrift * near.gain || shared > kMostShared) {
         result_.gain.unknown += fmt::format(
             ", and {} changes too much from frame to frame to show its photon noise: neighboring pixels share "
             "{:.0f} % of the change, and it grows by {:.0f} % from one to two frames' distance",
-            name, 100.0 * near.shared, 100.0 * (farther.variance / stack.successive.variance - 1.0));
+            name, 100.0 * near.shared, 100.0 * (far.variance / near.variance - 1.0));
         return;
     }
     if (model > 0.0)

@@ -80,7 +80,8 @@ FrameStack stack_frames(const Capture &capture, std::size_t sequence) {
     return stack;
 }
 
-FrameStack::Differences differences(const Capture &capture, const FrameStack &stack, std::size_t lag) {
+FrameStack::Differences differences(const Capture &capture, const FrameStack &stack, std::size_t lag,
+                                    const std::function<void(const std::vector<double> &)> &see) {
     const std::size_t pixels = stack.shape.size();
     FrameStack::Differences result;
     result.pixel.assign(pixels, 0.0);
@@ -111,6 +112,8 @@ FrameStack::Differences differences(const Capture &capture, const FrameStack &st
                     adjacent += 1.0;
                 }
             }
+        if (see)
+            see(half);
         result.pairs.push_back(squares / std::max(1.0, stack.counted_pixels - 2.0));
         const VarianceComponents one = variance_components(stack.shape, half, stack.counts);
         VarianceComponents &all = result.components;

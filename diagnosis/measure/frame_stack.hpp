@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 namespace clsp {
@@ -42,6 +43,8 @@ struct FrameStack {
 };
 
 FrameStack stack_frames(const Capture &capture, std::size_t sequence);
-FrameStack::Differences differences(const Capture &capture, const FrameStack &stack, std::size_t lag);
+// see: is shown what remains of each pair's difference over the root of 2, by pixel, in the order of time.
+FrameStack::Differences differences(const Capture &capture, const FrameStack &stack, std::size_t lag,
+                                    const std::function<void(const std::vector<double> &)> &see = {});
 
 } // namespace clsp
