@@ -227,7 +227,8 @@ class Sensor:
     ) -> NDArray[np.float64]:
         """Before clipping and rounding: steps 1 to 9, and what the converter's levels do."""
         signal = self.signal_dn(intensity, frame_index, previous)
-        signal = signal * (1.0 - self.cubic_nonlinearity * np.minimum(signal / self.top_code, 1.0) ** self.nonlinearity_power)
+        part = np.minimum(signal / self.top_code, 1.0)
+        signal = signal * (1.0 - self.cubic_nonlinearity * part**self.nonlinearity_power)
         if self.gamma != 1.0:
             signal = self.top_code * (signal / self.top_code) ** self.gamma
         value = signal + self.fixed_offset_dn() + self.noise_dn(frame_index)
