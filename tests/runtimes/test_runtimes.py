@@ -3,6 +3,7 @@ at night."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clspeckle.dataset import Pairs
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLSPECKLE_BUILD_DIR", ROOT / "build"))
@@ -62,6 +64,57 @@ def test_codes_are_those_of_pocl(runtime: str, tmp_path: Path) -> None:
     assert len(np.unique(ours)) > 100
     assert np.abs(ours.astype(int) - theirs).max() <= 1
     assert np.mean(ours != theirs) < 1e-3
+
+
+WORKERS = """
+import json, os, sys, time
+from clspeckle import dataset, default_context, devices
+from clspeckle.dataset import shards
+
+def who(_):
+    mine = default_context().info().opencl_device
+    time.sleep(0.5)  # so that each of the workers gets some
+    return os.environ["CLSPECKLE_DEVICE"], next(d.selector for d in devices() if d.device_id == mine)
+
+if __name__ == "__main__":
+    names = [d.selector for d in devices()]
+    with shards._Processes(2 * len(names), None, names).start() as workers:
+        seen = sorted(set(workers.map(who, range(8 * len(names)))))
+    recipe = dataset.Recipe.from_file("recipe.json")
+    sets = {"all": names, **{name: [name] for name in names}}
+    for folder, used in sets.items():
+        dataset.write(recipe, folder, count=12, shard_size=1, devices=used)
+    print(json.dumps([names, seen]))
+"""
+
+
+@pytest.mark.nightly
+def test_workers_have_the_devices_of_two_runtimes(tmp_path: Path) -> None:
+    """Each its own, in turn; a set by both has the codes of either, but for the few pixels that rounding decides."""
+    try:
+        variables = {**os.environ, **runtimes.environment_of("intel", BUILD)}
+    except runtimes.Missing as missing:
+        pytest.skip(f"intel cannot be had: {missing}")
+    system = Path(os.environ.get("OCL_ICD_VENDORS", "/etc/OpenCL/vendors"))
+    for driver in (*system.glob("pocl*.icd"), *Path(variables["OCL_ICD_VENDORS"]).glob("*.icd")):
+        (tmp_path / driver.name).write_text(driver.read_text())
+    variables |= {"OCL_ICD_VENDORS": str(tmp_path), "OPENCL_VENDOR_PATH": str(tmp_path)}
+    np.save(tmp_path / "scene.npy", np.ones((120, 160), np.float32))
+    (tmp_path / "recipe.json").write_text(
+        '{"scenes": ["scene.npy"], "effects": ["prnu", "row_noise", "defocus", "depolarization"], "seed": 4}'
+    )
+    (tmp_path / "workers.py").write_text(WORKERS)
+    done = subprocess.run(
+        [sys.executable, "workers.py"], cwd=tmp_path, env=variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    names, seen = json.loads(done.stdout)
+    assert len(names) == 2
+    assert seen == sorted([name, name] for name in names)
+    sets = [np.stack([pair.codes for pair in Pairs(tmp_path / folder)]).astype(int) for folder in ("all", *names)]
+    for other in sets[1:]:
+        assert np.abs(sets[0] - other).max() <= 1
+        assert np.mean(sets[0] != other) < 1e-3
 
 
 @pytest.mark.nightly

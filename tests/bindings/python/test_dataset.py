@@ -353,6 +353,13 @@ def test_options_of_devices_and_clusters_are_checked_first(
     with pytest.raises(TypeError, match="progress must be a function of two numbers, got int 5"):
         dataset.write(recipe(ideal), tmp_path / "by", count=1, progress=5)  # type: ignore[arg-type]
     assert not (tmp_path / "by").exists()
+    (tmp_path / "file").write_bytes(b"x")
+    for taken in (tmp_path / "file", tmp_path / "file" / "set"):
+        with pytest.raises(
+            NotADirectoryError, match="a set is a folder of its own, and a file has that name; name ano"
+        ):
+            dataset.write(recipe(ideal), taken, count=1)
+    assert (tmp_path / "file").read_bytes() == b"x"
     # An executor has workers of its own, too.
     with concurrent.futures.ThreadPoolExecutor(1) as executor:
         with pytest.raises(TypeError, match="leave them out, and set CLSPECKLE_DEVICE where each of those workers"):

@@ -281,7 +281,12 @@ def write(
         )
     _check.choice(format, "format", dict.fromkeys(FORMATS, 0))
     target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise NotADirectoryError(
+            error.errno, "a set is a folder of its own, and a file has that name; name another one", os.fspath(target)
+        ) from None
     with _sole(target):
         if executor is None and (workers > 1 or devices or threads is not None):
             executor = _Processes(workers, threads, devices)
