@@ -257,8 +257,13 @@ CLSP_API ClspStatus clspBufferEnqueueRead(cl_command_queue queue, cl_mem mem, ui
 
 CLSP_API ClspStatus clspBufferWrite(cl_command_queue queue, const void *data, uint64_t size_bytes, cl_mem mem,
                                     uint64_t offset_bytes) {
-    return guarded("clspBufferWrite",
-                   [&] { write(queue, data, size_bytes, mem, offset_bytes, CL_TRUE, 0, nullptr, nullptr); });
+    return guarded("clspBufferWrite", [&] {
+        // CL_TRUE says that `data` may be used again. Intel's runtime for CPUs means no more by it: other queues see
+        // the bytes later.
+        cl::Event written;
+        write(queue, data, size_bytes, mem, offset_bytes, CL_TRUE, 0, nullptr, &written());
+        wait_for_events(1, &written());
+    });
 }
 
 CLSP_API ClspStatus clspBufferRead(cl_command_queue queue, cl_mem mem, uint64_t offset_bytes, uint64_t size_bytes,

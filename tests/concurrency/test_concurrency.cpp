@@ -94,6 +94,30 @@ TEST(Concurrency, EightContexts) {
         EXPECT_EQ(render(context, thread), together[thread]) << "thread " << thread;
 }
 
+// Intel's runtime for CPUs returns from a write of a few bytes before another queue sees them.
+TEST(Concurrency, WhatOneQueueHasWrittenAnotherOneSees) {
+    const clspeckle::Context context;
+    const clspeckle::Queue writing(context), framing(context, CLSP_QUEUE_PROFILING);
+    for (int round = 0; round < 10; ++round) {
+        constexpr std::uint32_t width = 16, height = 8;
+        auto p = clspeckle::make<ClspPhaseDesc>();
+        auto a = clspeckle::make<ClspApertureDesc>();
+        p.width = a.width = width;
+        p.height = a.height = height;
+        const clspeckle::Pipeline pipeline(context, clspeckle::Phase(context, p), clspeckle::Aperture(context, a));
+        const clspeckle::Buffer ideal(context, writing, std::vector<float>(width * height, 1.0f));
+        const clspeckle::Buffer light(context, width * height * sizeof(float));
+        auto frame = clspeckle::make<ClspFrame>();
+        frame.irradiance = ideal.image(width, height, CLSP_FORMAT_FLOAT32);
+        frame.output = light.image(width, height, CLSP_FORMAT_FLOAT32);
+        pipeline.enqueue_frame(framing, frame);
+        EXPECT_NO_THROW(pipeline.check(framing));
+        ideal.write(writing, std::vector<float>{-1.0f});
+        pipeline.enqueue_frame(framing, frame);
+        EXPECT_THROW(pipeline.check(framing), clspeckle::Error) << round;
+    }
+}
+
 TEST(Concurrency, LastErrorStaysWithItsThread) {
     const clspeckle::Context context;
     at_once([&](std::size_t thread) {
