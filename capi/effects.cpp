@@ -49,12 +49,16 @@ CLSP_API ClspStatus clspEffectChangeTraits(const char *id, const double *values,
         PipelineModel model = any_camera();
         const ClspCameraTraits given = read_struct(traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
         kTraits(FieldFromC{}, given, model);
+        check_reserved(given.reserved_nonlinearity, "traits->reserved_nonlinearity");
         if (given.bits < 1 || given.bits > 16)
             throw Error(Status::kInvalidArgument, fmt::format("traits.bits is {}; a sensor has 1 to 16", given.bits));
         if (given.polarization_count < 1 || given.polarization_count > 2)
             throw Error(
                 Status::kInvalidArgument,
                 fmt::format("traits.polarization_count is {}; a phase has 1 or 2", given.polarization_count));
+        if (given.nonlinearity_power < 1 || given.nonlinearity_power > 3)
+            throw Error(Status::kInvalidArgument,
+                        fmt::format("traits.nonlinearity_power is {}; it is 1, 2 or 3", given.nonlinearity_power));
         effect.apply(model, check_effect_values(effect, values, count).data());
         write_struct(*traits, to_c<ClspCameraTraits>(kTraits, model), "traits");
     });

@@ -18,6 +18,7 @@ namespace clsp::capi {
 template <typename T> inline constexpr std::uint32_t kFirstSize = sizeof(T);
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspApertureInfo> = 72;
+template <> inline constexpr std::uint32_t kFirstSize<ClspCameraTraits> = 56;
 template <> inline constexpr std::uint32_t kFirstSize<ClspContextDesc> = 48;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnoseDesc> = 104;
 template <> inline constexpr std::uint32_t kFirstSize<ClspDiagnosisPlace> = 256;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <map>
 
 namespace tools {
@@ -153,6 +154,9 @@ void run_effects(Console &console) {
     }
     std::vector<std::vector<std::string>> rows = {{"stage", "effect", "parameter", "unit", "weak", "strong", "range"}};
     std::string summaries;
+    std::size_t widest = 0;
+    for (const ClspEffectInfo &effect : effect_catalogue())
+        widest = std::max(widest, std::strlen(effect.id));
     for (const ClspEffectInfo &effect : effect_catalogue()) {
         for (std::uint32_t i = 0; i < effect.parameter_count; ++i) {
             const ClspEffectParameter &p = effect.parameters[i];
@@ -160,7 +164,7 @@ void run_effects(Console &console) {
                             fmt::format("{:g}", p.weak), fmt::format("{:g}", p.strong),
                             fmt::format("{:g} to {:g}", p.minimum, p.maximum)});
         }
-        summaries += fmt::format("  {:<22}{}\n", effect.id, effect.summary);
+        summaries += fmt::format("  {:<{}}{}\n", effect.id, widest + 2, effect.summary);
     }
     console.result(table(rows) + "\n");
     console.result(summaries + "\nSwitch one on: clspeckle render ideal.png -o out --effect " +

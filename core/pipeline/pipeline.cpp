@@ -156,33 +156,31 @@ PipelineModel Pipeline::model() const {
     return model;
 }
 
-void Pipeline::apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied) {
-    const auto apply = [&](unsigned part, auto configure) {
+// What remembers frames comes last, so that nothing behind it fails and takes it back: a stage that is set back has
+// its parameters again, and not its memory.
+void Pipeline::apply(const PipelineModel &model, unsigned sets, unsigned &applied) {
+    const auto apply_part = [&](unsigned part, auto configure) {
         if (!(sets & part))
             return;
         configure();
         applied |= part;
     };
-    apply(kSetsPhase, [&] { stages_.phase->configure(model.phase); });
-    apply(kSetsAperture, [&] { stages_.aperture->configure(model.aperture); });
-    apply(kSetsLens, [&] {
+    apply_part(kSetsAperture, [&] { stages_.aperture->configure(model.aperture); });
+    apply_part(kSetsLens, [&] {
         if (stages_.lens)
             stages_.lens->configure(model.lens);
         else
             stages_.lens = std::make_shared<Lens>(context_, model.lens, options_.keeps_filters);
     });
-    apply(kSetsDots, [&] { stages_.dots->configure(*model.dots); });
-    apply(kSetsSensor, [&] { stages_.sensor->configure(*model.sensor); });
+    apply_part(kSetsDots, [&] { stages_.dots->configure(*model.dots); });
+    apply_own(model);
+    apply_part(kSetsPhase, [&] { stages_.phase->configure(model.phase); });
+    apply_part(kSetsSensor, [&] { stages_.sensor->configure(*model.sensor); });
 }
 
-void Pipeline::apply_own(const PipelineModel &model) {
+void Pipeline::check_own(const PipelineModel &model) const {
     const PipelineParameters &p = model.pipeline;
     check_parameters(p);
-    const ExposureParameters exposure{p.exposure_path,       p.sub_exposures, p.exposure_correlation,
-                                      model.phase.dynamics, p.line_count,    p.dephasing_rad};
-    ExposureSteps steps = exposure_ == exposure              ? exposure_steps_
-                          : options_.independent_exposures ? independent_exposures(exposure)
-                                                           : exposure_steps(exposure);
     if ((boils(p) || p.exposure_path > 0.0) && model.phase.field != FieldKind::kCircularGaussian)
         throw Error(
             Status::kInvalidArgument,
@@ -192,6 +190,16 @@ void Pipeline::apply_own(const PipelineModel &model) {
                     fmt::format("{} was given to a pipeline with a material table; set {} of the materials",
                                 p.coherent_fraction > 0.0 ? "coherent_fraction" : "subsurface_fraction",
                                 p.coherent_fraction > 0.0 ? "roughness_rms_m" : "subsurface_fraction"));
+}
+
+void Pipeline::apply_own(const PipelineModel &model) {
+    check_own(model);
+    const PipelineParameters &p = model.pipeline;
+    const ExposureParameters exposure{p.exposure_path,       p.sub_exposures, p.exposure_correlation,
+                                      model.phase.dynamics, p.line_count,    p.dephasing_rad};
+    ExposureSteps steps = exposure_ == exposure              ? exposure_steps_
+                          : options_.independent_exposures ? independent_exposures(exposure)
+                                                           : exposure_steps(exposure);
     FieldParameters field;
     field.coherent_fraction = p.coherent_fraction;
     field.line_count = p.line_count;
@@ -301,15 +309,14 @@ void Pipeline::keep_maps() {
 }
 
 void Pipeline::use_model(const PipelineModel &wanted, unsigned parts) {
+    check_own(wanted);
     const PipelineModel before = model();
     unsigned applied = 0;
     try {
-        apply_stages(wanted, parts, applied);
-        apply_own(wanted);
+        apply(wanted, parts, applied);
     } catch (...) {
         unsigned restored = 0;
-        apply_stages(before, applied, restored);
-        apply_own(before);
+        apply(before, applied, restored);
         throw;
     }
 }

@@ -116,9 +116,11 @@ class Pipeline {
 
     void check_stages() const;
     // What is the pipeline's own, and the parts of the model that stages have (kSets* of effects.hpp).
+    // Refuses what no stage does; changes nothing.
+    void check_own(const PipelineModel &model) const;
     void apply_own(const PipelineModel &model);
     // applied: the parts that have been changed, also if a later one throws.
-    void apply_stages(const PipelineModel &model, unsigned sets, unsigned &applied);
+    void apply(const PipelineModel &model, unsigned sets, unsigned &applied);
     void use_model(const PipelineModel &wanted, unsigned parts);
     // maps: the camera's; nothing: they stay as they are.
     void use_effects(Effects effects, std::optional<PixelMaps> maps = {});

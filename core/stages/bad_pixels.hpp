@@ -1,6 +1,7 @@
 // Counting bad input pixels on the device (kernels/common/common.h) without stopping the frame.
 #pragma once
 
+#include "runtime/command_chain.hpp"
 #include "runtime/device_buffer.hpp"
 
 #include <array>
@@ -27,9 +28,13 @@ class BadPixelCounter {
         check_opencl(
             clEnqueueReadBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof counts, counts.data(), 0, nullptr, nullptr),
             "clEnqueueReadBuffer");
-        check_opencl(
-            clEnqueueWriteBuffer(queue, buffer_.get()(), CL_TRUE, 0, sizeof kEmpty, kEmpty.data(), 0, nullptr, nullptr),
-            "clEnqueueWriteBuffer");
+        // A blocking write says that its source may be used again. Intel's runtime for CPUs means no more by it: other
+        // queues see the bytes once the command has ended.
+        cl::Event reset;
+        check_opencl(clEnqueueWriteBuffer(queue, buffer_.get()(), CL_FALSE, 0, sizeof kEmpty, kEmpty.data(), 0, nullptr,
+                                          &reset()),
+                     "clEnqueueWriteBuffer");
+        wait_for_events(1, &reset());
         return {counts[0], counts[1], counts[2]};
     }
 

@@ -53,12 +53,12 @@ void Phase::configure(const PhaseParameters &p) {
                 grid_.width, grid_.height, grid_.oversampling, grid_.guard_px, p.width, p.height, p.oversampling,
                 p.guard_px));
     const bool restored = refreshed_ && origin_.restored;
-    if (restored && p.polarization_count > held_)
+    if (restored && p.polarization_count > origin_.held)
         throw Error(Status::kInvalidArgument,
                     fmt::format("{} polarizations are needed, and the phase holds a field that was restored, of {}; "
                                 "make the phase with polarization_count {} and restore a field of so many, or refresh "
                                 "the phase for a random one",
-                                p.polarization_count, held_, p.polarization_count));
+                                p.polarization_count, origin_.held, p.polarization_count));
     // The first polarizations of a state are the state of fewer.
     if (state_ && same_samples(p, parameters_) &&
         (restored || p.polarization_count == parameters_.polarization_count)) {
@@ -150,9 +150,9 @@ void Phase::enqueue_refresh(CommandChain &chain, std::uint64_t frame_index, cons
     else
         chain.run("phase", kernel, grid_.grid_width, quarter, parameters_.polarization_count);
     refreshed_ = true;
-    held_ = parameters_.polarization_count;
+    origin_.held = parameters_.polarization_count;
     if (!masked)
-        origin_ = {frame_index, false};
+        origin_ = {frame_index, false, parameters_.polarization_count};
 }
 
 Phase::AdvanceKernels &Phase::advance_kernels(const PhaseAdvance &advance) {
@@ -274,7 +274,7 @@ void Phase::enqueue_advance(CommandChain &chain, std::uint64_t frame_index, cons
         chain.run("phase", kernels.advance, grid_.grid_width, quarter);
     if (advance.shift)
         std::swap(state_, next_state_);
-    held_ = parameters_.polarization_count;
+    origin_.held = parameters_.polarization_count;
 }
 
 void Phase::enqueue_field(CommandChain &chain, std::uint32_t polarization, const ImageDescription &field) {
@@ -297,7 +297,7 @@ void Phase::enqueue_save(CommandChain &chain, cl_mem mem, std::uint64_t offset_b
 void Phase::enqueue_restore(CommandChain &chain, cl_mem mem, std::uint64_t offset_bytes) {
     enqueue_copy(chain, mem, offset_bytes, true);
     refreshed_ = true;
-    held_ = parameters_.polarization_count;
+    origin_.held = parameters_.polarization_count;
     origin_.restored = true;
 }
 

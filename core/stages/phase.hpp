@@ -70,6 +70,7 @@ class Phase {
     struct Origin {
         std::uint64_t epoch = 0; // frame index of the last refresh of everything
         bool restored = false;   // the host gave it since
+        std::uint32_t held = 0;  // polarizations of a restored state: more than the parameters say until it changes
     };
     const Origin &origin() const { return origin_; }
     void set_origin(const Origin &origin) { origin_ = origin; }
@@ -114,7 +115,6 @@ class Phase {
     Origin origin_;
     std::uint64_t planes_ = 0;      // words of a sample, without the rest of the shift
     std::uint64_t rest_offset_ = 0; // in words of the state; where the rest of the shift begins
-    std::uint32_t held_ = 0; // polarizations that a restored state has: more than parameters_ say until it changes
     DeviceBuffer state_;
     DeviceBuffer next_state_; // what a moving state is gathered into; then the two change places
     DeviceBuffer owner_;      // of a moving state: which sample gets what lies at each place

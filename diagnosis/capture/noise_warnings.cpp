@@ -63,8 +63,10 @@ std::vector<CaptureWarning> noise_warnings(const CaptureLayout &layout, const st
                          "{:.2f} along columns, in all frames (in {}): the camera {}, or files were compressed with "
                          "loss. Switch that off and record raw codes: noise, contrast and grain are not the sensor's",
                          space.most->right.value, space.most->down.value, space.sequences,
-                         of_neighbours(*space.most) > 0.0 ? "denoises, interpolates or scales its frames"
-                                                          : "sharpens its frames"),
+                         !stands_out(space.most->down, kLeastOfNeighbours)
+                             ? "reads its pixels so (the effect correlated_read_noise), or filters its rows"
+                         : of_neighbours(*space.most) > 0.0 ? "denoises, interpolates or scales its frames"
+                                                            : "sharpens its frames"),
              kKind});
     if (time.most)
         warnings.push_back(

@@ -202,6 +202,9 @@ void EmvaMeasurement::gain_at_rest() {
         if (stack.counts[i])
             order.push_back(i);
     std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return stack.mean[a] < stack.mean[b]; });
+    // What neighbors share there is the read noise's.
+    const EmvaSequence *const dark = dark_of(*scene);
+    const double in_the_dark = dark ? dark->stack.successive.neighbors : 0.0;
     const auto slope_at = [&](std::size_t lag) {
         std::vector<std::array<double, kBins>> pairs;
         const FrameStack::Differences of =
@@ -244,10 +247,15 @@ void EmvaMeasurement::gain_at_rest() {
         }
         std::sort(slopes.begin(), slopes.end());
         const double median = 0.5 * (slopes[(slopes.size() - 1) / 2] + slopes[slopes.size() / 2]);
-        return Slope{median, kErrorOfMedian / std::sqrt(spread), of.neighbors / of.variance, of.variance};
+        return Slope{median, kErrorOfMedian / std::sqrt(spread), (of.neighbors - in_the_dark) / of.variance,
+                     of.variance};
     };
     const Slope near = slope_at(1), far = slope_at(2);
     const std::string &name = scene->layout->name;
+    if (!(near.variance > 0.0 && far.variance > 0.0)) {
+        result_.gain.unknown += fmt::format(", and {} has no noise: its frames are equal", name);
+        return;
+    }
     double gain = near.gain, error = near.error, model = 0.0;
     const double drift = far.gain - near.gain;
     if (drift > 3.0 * std::hypot(near.error, far.error)) {

@@ -286,7 +286,10 @@ class ProfileReader {
                 fmt::format("a {} from {} to {}{}", p.whole ? "whole number" : "number", p.minimum, p.maximum,
                             std::string(p.unit) == "1" ? "" : std::string(" ") + p.unit);
             const std::string where = path(key);
-            const double value = checks_.number(values, p.name, where, expected.c_str());
+            // What the catalogue does not vary came later than some profiles.
+            const double value = p.weak == p.strong && !values.contains(p.name)
+                                     ? p.weak
+                                     : checks_.number(values, p.name, where, expected.c_str());
             if (!(value >= p.minimum && value <= p.maximum) || (p.whole && value != std::round(value)))
                 checks_.refuse(where + "/" + p.name, fmt::format("is {}; expected {}", value, expected));
             effect.parameters.push_back({p.name, value, {}});

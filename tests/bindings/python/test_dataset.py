@@ -471,6 +471,12 @@ def test_a_full_disk_leaves_no_half_shard(
         ({"effects": ["zero_order"]}, "the effect zero_order is of ideal dots"),
         ({"effects": {"defocus": {"wave": 1}}}, "the effect defocus has no parameter 'wave'"),
         ({"effects": {"adc_bits": {"bits": [6.5, 8]}}}, "expected .* of whole numbers"),
+        ({"effects": {"nonlinearity": {"power": [1, 4]}}}, "power has 4; expected whole numbers from 1 to 3"),
+        (
+            {"effects": {"adc_bits": {"bits": {"choice": [8, 6.5]}}}},
+            "bits has 6.5; expected whole numbers from 1 to 16",
+        ),
+        ({"effects": {"prnu": {"sigma": {"log": [0.1, 2]}}}}, "sigma has 2; expected numbers from 0 to 1"),
         ({"effects": ["defocus"]}, "effects_per_image is .*no more than the 1 effects"),
         ({"effects_per_image": (3, 1)}, "the first no more than the second"),
         ({"seed": -1}, "seed"),

@@ -260,6 +260,49 @@ def test_several_effects_in_any_order(camera: clspeckle.Pipeline, plain: npt.NDA
     np.testing.assert_array_equal(frames(camera), plain)
 
 
+@pytest.mark.parametrize(
+    ("options", "refused"),
+    [
+        ({"polarization_count": 1}, {"depolarization": {}, "aperture_mismatch": {"f_number_ratio": 0.1}}),
+        ({"field": "unit_phasor"}, {"row_noise": {}, "surface_boiling": {}}),
+        ({"field": "unit_phasor", "polarization_count": 1}, {"depolarization": {}, "surface_boiling": {}}),
+    ],
+)
+def test_a_refusal_leaves_what_frames_remember(
+    context: clspeckle.Context, options: dict[str, Any], refused: dict[str, Any]
+) -> None:
+    """The surface's state, and what a frame leaves behind for the next one."""
+    light = np.full((48, 64), 0.3, np.float32)
+
+    def begun() -> clspeckle.Pipeline:
+        made = clspeckle.Pipeline.from_parameters(light.shape, seed=3, read_noise_dn=0.0, context=context, **options)
+        made.set_effect("image_lag", fraction=0.5)
+        made.render(light, frame_index=0)
+        return made
+
+    one, other = begun(), begun()
+    state = one.phase.save()
+    with pytest.raises(errors.InvalidArgumentError):
+        one.set_effects(refused)
+    np.testing.assert_array_equal(one.phase.save(), state)
+    for level in (0.2, 0.5):
+        np.testing.assert_array_equal(one.render(level * light), other.render(level * light))
+
+
+def test_a_warm_up_leaves_a_restored_state(context: clspeckle.Context) -> None:
+    """Of which depolarization takes the second polarization up again."""
+    light = np.full((48, 64), 0.3, np.float32)
+    camera = clspeckle.Pipeline.from_parameters(light.shape, seed=3, polarization_count=1, context=context)
+    camera.set_effect("depolarization")
+    camera.render(light)
+    state = camera.phase.save()
+    camera.phase.restore(state)
+    camera.clear_effect("depolarization")
+    camera.warm_up(light)
+    camera.set_effect("depolarization")
+    np.testing.assert_array_equal(camera.phase.save(), state)
+
+
 def test_several_effects_at_once_or_none(camera: clspeckle.Pipeline, plain: npt.NDArray[Any]) -> None:
     effects: dict[str, Any] = {"glare": {"fraction": 0.1}, "defocus": None, "prnu": {"sigma": 0.02}}
     camera.set_effect("vignetting")

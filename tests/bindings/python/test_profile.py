@@ -176,6 +176,22 @@ def test_files(path: Path) -> None:
         clspeckle.Profile.open(path.with_name("none.json"))
 
 
+def test_a_parameter_that_came_later_may_be_missing(path: Path) -> None:
+    """The catalogue does not vary it, so that a profile of before means its value."""
+    text = (
+        path.read_text()
+        .replace('"row_noise"', '"nonlinearity"')
+        .replace('"sigma_dn"', '"cubic"')
+        .replace(": 3.5", ": 0.02")
+    )
+    path.write_text(text)
+    (bent,) = (one for one in clspeckle.Profile.open(path).effects if one.effect == "nonlinearity")
+    assert bent.parameters == {"cubic": 0.02, "power": 3.0}
+    path.write_text(text.replace('"cubic"', '"power"'))
+    with pytest.raises(errors.InvalidArgumentError, match="/effects/0/parameters/cubic is missing"):
+        clspeckle.Profile.open(path)
+
+
 def check_maps(profile: clspeckle.Profile, path: Path, context: clspeckle.Context) -> None:
     profile.write(path)
     read = clspeckle.Profile.open(path)

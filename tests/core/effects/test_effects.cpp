@@ -3,6 +3,7 @@
 #include "test_support.hpp"
 
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <set>
 
@@ -202,11 +203,28 @@ TEST(EffectCatalogue, TraitsAreWhatTheRecordsSet) {
     EXPECT_EQ(900.0, traits.saturation_dn);
     EXPECT_EQ(0.8, traits.gamma);
     EXPECT_EQ(0.05, traits.cubic_nonlinearity);
+    EXPECT_EQ(3u, traits.nonlinearity_power);
     EXPECT_EQ(9u, traits.effective_bits);
     EXPECT_EQ(25.0, traits.ambient_dn);
     EXPECT_EQ(2u, traits.polarization_count);
     EXPECT_EQ(0.7, traits.fill_factor);
     EXPECT_EQ(12u, traits.bits);
+
+    // A caller of the first release knows no members behind ambient_dn.
+    ClspCameraTraits first = traits;
+    first.struct_size = offsetof(ClspCameraTraits, nonlinearity_power);
+    first.nonlinearity_power = 77;
+    const double quadratic[] = {0.1, 1.0};
+    EXPECT_CLSP_OK(clspEffectChangeTraits("nonlinearity", quadratic, 2, &first));
+    EXPECT_EQ(0.1, first.cubic_nonlinearity);
+    EXPECT_EQ(77u, first.nonlinearity_power);
+    first.struct_size = sizeof first;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "traits.nonlinearity_power is 77; it is 1, 2 or 3",
+                      clspEffectChangeTraits("nonlinearity", quadratic, 2, &first));
+    first.nonlinearity_power = 3;
+    first.reserved_nonlinearity = 5;
+    EXPECT_CLSP_FAILS(CLSP_ERROR_INVALID_ARGUMENT, "reserved_nonlinearity",
+                      clspEffectChangeTraits("nonlinearity", quadratic, 2, &first));
 
     const ClspCameraTraits before = traits;
     const double bits = 14.0, exponent = 20.0, none = 1.0;

@@ -237,8 +237,8 @@ TEST(Candidates, WhatGoesBothWays) {
         if (candidate.has_direction())
             (candidate.is_ratio(0) ? from_one : from_nothing).push_back(candidate.id);
     std::sort(from_nothing.begin(), from_nothing.end());
-    EXPECT_EQ(from_nothing,
-              (std::vector<std::string>{"bayer_mismatch", "beam_skew", "lens_distortion", "wavelength_shift"}));
+    EXPECT_EQ(from_nothing, (std::vector<std::string>{"bayer_mismatch", "beam_skew", "correlated_read_noise",
+                                                      "lens_distortion", "wavelength_shift"}));
     EXPECT_EQ(from_one, (std::vector<std::string>{"aperture_mismatch", "gamma", "my_ratio"}));
     const Candidate &ratio = all[all.size() - 3];
     EXPECT_DOUBLE_EQ(ratio.value(0, 1.0, -1.0), 1.0 / 1.5);
@@ -250,7 +250,7 @@ TEST(Candidates, WhatGoesBothWays) {
 TEST(Candidates, AFitMayBeginElsewhere) {
     std::vector<Candidate> all = candidates({}, {});
     const std::vector<Candidate> more = with_alternatives(all);
-    ASSERT_EQ(more.size(), all.size() + 9);
+    ASSERT_EQ(more.size(), all.size() + 10);
     const Candidate &other = more[all.size() + 1];
     EXPECT_EQ(other.id, "beam_skew");
     const Candidate &usual =
@@ -269,7 +269,7 @@ TEST(Candidates, AFitMayBeginElsewhere) {
     EffectModel model;
     model.add(usual, 1.0, 0.5);
     EXPECT_TRUE(model.has(other));
-    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 5);
+    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 6);
 }
 
 // Which form an effect has is no strength: each form is a candidate, and the fitted parameters say which it was.

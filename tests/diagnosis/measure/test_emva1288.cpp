@@ -323,6 +323,22 @@ TEST(Emva1288, WhatMovesInFewFramesLeavesTheGain) {
     EXPECT_GE(held, 52); // 95 % is good to 2.8 %
 }
 
+TEST(Emva1288, ALaserSceneWithoutNoiseTellsNoGain) {
+    Camera camera;
+    camera.width = 96;
+    camera.height = 80;
+    Bench bench(camera, 1);
+    bench.add("board", CaptureScene::kBoard, 1, 1500.0, 0.0, false, speckle(bench, camera.width * camera.height));
+    clsp::Capture capture = bench.capture();
+    capture.layout.sequences[0].frame_count = 4;
+    const std::vector<std::uint16_t> frame = capture.codes[0];
+    for (int t = 0; t < 3; ++t)
+        capture.codes[0].insert(capture.codes[0].end(), frame.begin(), frame.end());
+    const Emva1288 emva = clsp::measure_emva1288(capture);
+    EXPECT_NE(emva.gain.unknown.find("board has no noise: its frames are equal"), std::string::npos)
+        << emva.gain.unknown;
+}
+
 TEST(Emva1288, AMovingLaserSceneTellsNoGain) {
     Camera camera;
     Bench bench(camera, 1);

@@ -90,7 +90,7 @@ class _Range:
 
     def __init__(self, given: Any, name: str, whole: bool = False, is_number: bool = True) -> None:
         given = given.tolist() if isinstance(given, (np.generic, np.ndarray)) else given
-        self.kind, self.values, self.whole = "choice", [given], whole
+        self.kind, self.values, self.whole, self.name = "choice", [given], whole, name
         if isinstance(given, Mapping):
             if len(given) != 1 or next(iter(given)) not in ("uniform", "log", "choice"):
                 raise errors.InvalidArgumentError(
@@ -114,6 +114,16 @@ class _Range:
             raise errors.InvalidArgumentError(f"{name} is {given!r}; expected [low, high] of whole numbers")
         if self.kind == "log" and self.values[0] <= 0:
             raise errors.InvalidArgumentError(f"{name}.log is {self.values}; logarithms need numbers above 0")
+
+    def within(self, low: float, high: float) -> _Range:
+        """Itself, unless it has a number that is not from low to high, or no whole one where it must be."""
+        for value in self.values:
+            if not isinstance(value, (int, float)) or not low <= value <= high or (self.whole and value % 1):
+                kind = "whole numbers" if self.whole else "numbers"
+                raise errors.InvalidArgumentError(
+                    f"{self.name} has {value!r}; expected {kind} from {low:g} to {high:g}"
+                )
+        return self
 
     def at(self, words: _Words) -> Any:
         if self.kind == "choice":
@@ -225,7 +235,7 @@ class Recipe:
                     ranges.get(parameter.name, sorted((parameter.weak, parameter.strong))),
                     f"effects.{effect.id}.{parameter.name}",
                     parameter.whole,
-                )
+                ).within(parameter.minimum, parameter.maximum)
                 for parameter in effect.parameters
             }
         for key in wanted:
