@@ -426,7 +426,8 @@ std::vector<Effect> make_catalogue() {
      {{"correlation", "1", -0.5, 0.5, 0.04, 0.2}},
      [](Model &m, Values v) { sensor(m, "correlated_read_noise").read_noise_correlation = v[0]; },
      {kInAll}, {kInAll, SceneMotion::kStatic, 2},
-     "noise that goes on, or turns over, from pixel to pixel along the rows, also in the dark", "", {1}}
+     "noise that goes on, or turns over, from pixel to pixel along the rows, also in the dark",
+     "finished frames have their read noise, and nothing tells it from what else is in them", {1}}
         .told_from("crosstalk", "dark: crosstalk spreads light alone"),
     Effect{"gamma", "sensor", "signal = full (signal / full)^gamma, full = 2^bits - 1",
      "stages/sensor_pixel.h: expose_pixel (GAMMA)",

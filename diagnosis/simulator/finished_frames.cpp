@@ -211,7 +211,6 @@ struct FinishedFrames::Implementation {
         p.exposure_gain_dn = 1.0;
         p.black_level_dn = 0.0; // it is in what comes in
         p.read_noise_dn = read_noise_dn;
-        p.read_noise_correlation = of.read_noise_correlation;
         p.hot_pixel_fraction = of.hot_pixel_fraction;
         p.hot_pixel_mean_dn = of.hot_pixel_mean_dn;
         p.dsnu_dn = of.dsnu_dn;
