@@ -174,6 +174,8 @@ def test_sanitizers_see_faults(fault: str, tmp_path: Path) -> None:
     source.write_text(
         "#include <cstring>\n#include <cstdlib>\nint *volatile kept;\n"
         "int main(int argc, char **argv) {\n"
+        '    if (!std::strcmp(argv[1], "overflow")) { kept = new int[4]; kept[argc + 2] = 1; }\n'
+        '    if (!std::strcmp(argv[1], "leak")) { kept = new int[4]; kept = nullptr; }\n'
         '    if (!std::strcmp(argv[1], "undefined"))\n'
         "    { int volatile top = 0x7fffffff; const int sum = top + argc; top = sum; }\n"
         "    return 0;\n}\n"
