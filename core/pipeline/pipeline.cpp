@@ -80,6 +80,7 @@ Pipeline::Pipeline(std::shared_ptr<Context> context, PipelineStages stages, cons
                    PipelineOptions options)
     : context_(std::move(context)), stages_(std::move(stages)), parameters_(parameters), options_(options) {
     check_stages();
+    check_own(model());
     apply_own(model());
 }
 
@@ -193,7 +194,6 @@ void Pipeline::check_own(const PipelineModel &model) const {
 }
 
 void Pipeline::apply_own(const PipelineModel &model) {
-    check_own(model);
     const PipelineParameters &p = model.pipeline;
     const ExposureParameters exposure{p.exposure_path,       p.sub_exposures, p.exposure_correlation,
                                       model.phase.dynamics, p.line_count,    p.dephasing_rad};

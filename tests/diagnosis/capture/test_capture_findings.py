@@ -612,6 +612,7 @@ def test_what_no_raw_frames_show(found, fault: str) -> None:
         assert ("denoised", "dark, flat") in [
             (w["kind"], w["text"].partition("(in ")[2].partition(")")[0]) for w in told
         ]
+        assert any("denoises, interpolates or scales its frames" in w["text"] for w in told)
         return
     if fault == "averaged":
         camera = {**camera, "read_noise_dn": 2.8}
@@ -626,6 +627,17 @@ def test_what_no_raw_frames_show(found, fault: str) -> None:
     (warning,) = found(arrays, camera)
     assert warning["kind"] == "picture_moves" and warning["sequence"] == "board_static"
     assert {t for t in moved if fault == "shakes" or t > 6} <= set(warning["frames"]) <= set(moved), warning
+
+
+@pytest.mark.parametrize("left", [0.3, -0.3])
+def test_noise_that_goes_on_along_rows_alone_may_be_the_readouts(found, left: float) -> None:
+    """A filter works in both directions; read noise goes on in the order in which pixels are read."""
+    white = np.random.default_rng(31).normal(size=(16, SHAPE[0], SHAPE[1] + 1))
+    noise = 4.0 * (white[..., 1:] + left * white[..., :-1]) / np.hypot(1.0, left)
+    camera = {"bits": 10, "black_level_dn": 64, "read_noise_dn": 4.0}
+    (warning,) = found({"dark": np.rint(64 + noise)}, camera)
+    assert warning["kind"] == "denoised"
+    assert "reads its pixels so (the effect correlated_read_noise), or filters its rows" in warning["text"]
 
 
 def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:

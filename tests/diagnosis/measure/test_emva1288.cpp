@@ -323,6 +323,33 @@ TEST(Emva1288, WhatMovesInFewFramesLeavesTheGain) {
     EXPECT_GE(held, 52); // 95 % is good to 2.8 %
 }
 
+// Noise that a readout carries on along rows is no change of the scene: neighbors share as much of it in the dark.
+TEST(Emva1288, ReadNoiseAlongRowsLeavesTheGain) {
+    Camera camera;
+    camera.width = 96;
+    camera.height = 80;
+    constexpr double kNoise = 8.0, kLeft = 0.6;
+    int held = 0;
+    constexpr int kCaptures = 40;
+    for (int seed = 1; seed <= kCaptures; ++seed) {
+        Bench bench(camera, std::uint64_t(seed));
+        bench.add("dark", CaptureScene::kDark, 12, 0.0);
+        bench.add("board", CaptureScene::kBoard, 12, 1500.0, 0.0, false, speckle(bench, camera.width * camera.height));
+        clsp::Capture capture = bench.capture();
+        for (auto &codes : capture.codes) {
+            double before = 0.0;
+            for (auto &code : codes) {
+                const double white = bench.normal();
+                const double noise = kNoise * (white + kLeft * before) / std::hypot(1.0, kLeft);
+                before = white;
+                code = static_cast<std::uint16_t>(std::clamp(std::round(code + noise), 0.0, 4095.0));
+            }
+        }
+        held += holds(clsp::measure_emva1288(capture).gain, camera.gain);
+    }
+    EXPECT_GE(held, 34); // 95 % is good to 3.4 %
+}
+
 TEST(Emva1288, ALaserSceneWithoutNoiseTellsNoGain) {
     Camera camera;
     camera.width = 96;
