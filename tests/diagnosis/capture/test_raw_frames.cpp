@@ -255,7 +255,7 @@ TEST(RawFrames, APictureThatMovesIsToldWithItsFrames) {
 }
 
 // Dark frames alone, 10 sequences of each: weak smoothing (of a Gaussian of half a pixel), 3 x 3 means, pixels that are
-// repeated, sharpening; half of the frame before, and a mean of two. Every one is told, and how.
+// repeated along rows, sharpening; half of the frame before, and a mean of two. Every one is told, and how.
 TEST(RawFrames, NoiseThatIsShared) {
     std::mt19937_64 random(394);
     const auto filtered = [](const Image &image, double beside) {
@@ -287,7 +287,9 @@ TEST(RawFrames, NoiseThatIsShared) {
             const std::vector<CaptureWarning> warnings = set.told();
             ASSERT_EQ(1u, warnings.size()) << names[kind] << ", " << draw;
             EXPECT_EQ("denoised", std::string(warnings[0].kind));
-            const char *const word = kind == 3 ? "sharpens" : kind < 3 ? "interpolates" : "from frame to frame";
+            const char *const words[] = {"interpolates", "interpolates",        "filters its rows",
+                                         "sharpens",     "from frame to frame", "from frame to frame"};
+            const char *const word = words[kind];
             EXPECT_NE(warnings[0].text.find(word), std::string::npos) << names[kind] << ": " << warnings[0].text;
         }
 }
