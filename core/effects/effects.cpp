@@ -453,7 +453,7 @@ std::vector<Effect> make_catalogue() {
      },
      {kInLight}, {kInLight},
      "bright light gives less than in proportion, dim light does not", "", {1}}
-        .with_forms("power", {1.0}, true)
+        .with_forms("power", {1.0, 2.0}, true)
         .told_from("gamma", "board_moving at several levels of light: a power bends dim light, too"),
     Effect{"full_well", "sensor", "the signal clips below the converter's maximum",
      "stages/sensor_pixel.h: expose_pixel", kSetsSensor,

@@ -232,10 +232,11 @@ std::vector<Candidate> with_alternatives(std::vector<Candidate> candidates) {
         if (found == candidates.end())
             continue;
         const Candidate usual = *found;
+        std::size_t told_by_fits = 0;
         for (const EffectForms &forms : effect.forms)
             for (const double value : forms.values) {
                 Candidate other = usual;
-                other.told_by_fit = forms.told_by_fit;
+                other.form = forms.told_by_fit ? ++told_by_fits : 0;
                 for (HypothesisParameter &p : other.parameters)
                     if (p.name == forms.parameter)
                         p.weak = p.strong = value;

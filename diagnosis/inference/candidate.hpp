@@ -14,9 +14,9 @@ namespace clsp {
 struct Candidate {
     std::string id, stage, summary;
     std::vector<HypothesisParameter> parameters;
-    // Another form of the effect whose change is nearly that of the catalogue's own: screening does not tell which of
-    // them it is, fits do.
-    bool told_by_fit = false;
+    // Above 0: another form of the effect, by its number, whose change is nearly that of the catalogue's own. Screening
+    // does not tell which of them it is, fits do.
+    std::size_t form = 0;
 
     // A parameter's value at its own strength, from weak (0) to strong (1) and beyond, within the accepted range.
     // sign -1, of an effect that has a direction, here and below: the other one, where the first parameter is below

@@ -46,8 +46,7 @@ bool are_forms(const Refined &a, const Refined &b) {
 void sort_by_gain(std::vector<Refined> &refined) {
     std::stable_sort(refined.begin(), refined.end(),
                      [](const Refined &a, const Refined &b) { return a.gain > b.gain; });
-    keep_one_of_each(refined,
-                     [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->told_by_fit); });
+    keep_one_of_each(refined, [](const Refined &one) { return std::pair(one.candidate->id, one.candidate->form); });
 }
 
 // The first entries, so many effects; forms of one count once.
@@ -62,37 +61,38 @@ void keep_effects(std::vector<Refined> &refined, std::size_t most) {
     refined.resize(kept);
 }
 
-// Leaves one form of each effect, by their fits: the catalogue's own unless the other is clearly better.
+// Leaves one form of each effect, by their fits: the catalogue's own unless another is clearly better.
 void decide_forms(std::vector<Refined> &refined) {
+    const auto worth = [](const Refined &form) {
+        return (form.fitted ? form.gain : 0.0) - (form.candidate->form ? kFit.form_margin : 0.0);
+    };
+    const auto is_before = [&](const Refined &form, const Refined &other) {
+        const double here = worth(form), there = worth(other);
+        return here != there ? here > there : form.candidate->form < other.candidate->form;
+    };
     std::vector<const Candidate *> out;
-    for (const Refined &form : refined) {
-        if (!form.candidate->told_by_fit)
-            continue;
-        const auto own =
-            std::find_if(refined.begin(), refined.end(), [&](const Refined &other) { return are_forms(form, other); });
-        if (own != refined.end())
-            out.push_back(form.fitted && form.gain > own->gain + kFit.form_margin ? own->candidate : form.candidate);
-    }
+    for (const Refined &form : refined)
+        if (std::any_of(refined.begin(), refined.end(),
+                        [&](const Refined &other) { return are_forms(form, other) && is_before(other, form); }))
+            out.push_back(form.candidate);
     const auto is_out = [&](const Refined &one) {
         return std::find(out.begin(), out.end(), one.candidate) != out.end();
     };
     refined.erase(std::remove_if(refined.begin(), refined.end(), is_out), refined.end());
 }
 
-// Where the capture does not tell which form an effect has, each of its parameters may be what it is in the other one,
+// Where the capture does not tell which form an effect has, each of its parameters may be what it is in another one,
 // too.
 void include_other_forms(SearchState &state) {
-    for (std::size_t k = 0; k < state.model.effects.size(); ++k) {
-        const Candidate &candidate = *state.model.effects[k].candidate;
-        const auto other = state.other_forms.find(candidate.id);
-        if (other == state.other_forms.end())
-            continue;
-        for (FittedParameter &parameter : state.models.back().parameters)
-            for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
-                if (parameter.effect == candidate.id && parameter.name == candidate.parameters[p].name) {
-                    parameter.low = std::min(parameter.low, other->second[p]);
-                    parameter.high = std::max(parameter.high, other->second[p]);
-                }
+    for (const ModelEffect &effect : state.model.effects) {
+        const Candidate &candidate = *effect.candidate;
+        for (const std::vector<double> &other : state.other_forms[candidate.id])
+            for (FittedParameter &parameter : state.models.back().parameters)
+                for (std::size_t p = 0; p < candidate.parameters.size(); ++p)
+                    if (parameter.effect == candidate.id && parameter.name == candidate.parameters[p].name) {
+                        parameter.low = std::min(parameter.low, other[p]);
+                        parameter.high = std::max(parameter.high, other[p]);
+                    }
     }
 }
 

@@ -22,8 +22,8 @@ struct SearchState {
     std::size_t given = 0; // effects that it began with: a rung below has told them
     std::vector<SearchStep> steps;
     std::vector<FittedModel> models; // after each step; without effects where none was fitted but the last
-    // Of effects whose form the capture does not tell (swap_forms): the values of the other one.
-    std::map<std::string, std::vector<double>> other_forms;
+    // Of effects whose form the capture does not tell (swap_forms): the values of the other ones.
+    std::map<std::string, std::vector<std::vector<double>>> other_forms;
     double progress = 0.0, progress_end = 1.0; // where it is, and where it will be in the end
     double strongest = kStrengths.strongest;   // how far its strengths may go
 };

@@ -380,11 +380,12 @@ bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at) {
 
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at) {
     bool changed = false;
-    for (std::size_t place = 0; place < state.model.effects.size(); ++place)
+    for (std::size_t place = 0; place < state.model.effects.size(); ++place) {
+        const Candidate &first = *state.model.effects[place].candidate;
+        state.other_forms.erase(first.id);
         for (const Candidate *const other : candidates) {
             const Candidate &form = *other;
-            const Candidate &now = *state.model.effects[place].candidate;
-            if (form.id != now.id || form.told_by_fit == now.told_by_fit)
+            if (form.id != first.id || form.form == first.form)
                 continue;
             fits.report(at, "another form of " + form.id);
             FittedModel &whole = state.models.back();
@@ -407,12 +408,15 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
                 continue;
             if (fitted.residual.p_value <= kFit.seldom)
                 fits.polish(model, pool, fitted, at);
-            // What is not clearly worse is as likely, and the catalogue's own stays unless the other is clearly better.
-            state.other_forms.erase(form.id);
-            const bool is_taken =
-                fitted.score <= whole.score - (form.told_by_fit ? kFit.form_margin : -kFit.form_margin);
-            if (std::abs(fitted.score - whole.score) < kFit.form_margin)
-                state.other_forms[form.id] = (is_taken ? whole : fitted).effects[place].values;
+            // What is not clearly worse is as likely, and the catalogue's own stays unless another is clearly better.
+            const double gain = whole.score - fitted.score;
+            const auto margin = [](const Candidate &of) { return of.form ? kFit.form_margin : 0.0; };
+            const bool is_taken = gain >= margin(form) - margin(*state.model.effects[place].candidate);
+            std::vector<std::vector<double>> &as_likely = state.other_forms[form.id];
+            if (is_taken && gain >= kFit.form_margin)
+                as_likely.clear();
+            if (std::abs(gain) < kFit.form_margin)
+                as_likely.push_back((is_taken ? whole : fitted).effects[place].values);
             if (!is_taken)
                 continue;
             for (RankedEffect &ranked : state.steps[place].ranking)
@@ -424,8 +428,8 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             state.steps.back().residual = fitted.residual;
             state.models.back() = std::move(fitted);
             changed = true;
-            break;
         }
+    }
     return changed;
 }
 

@@ -14,8 +14,8 @@ bool swap(ModelFit &fits, SearchState &state, double at);
 // Swaps an effect for one that hardly differs from it and does better beside all others: which of the two was added
 // may have been decided by what was missing then, and a residual need not tell. False if none does better.
 bool swap_confusable_effects(ModelFit &fits, SearchState &state, double at);
-// Swaps effects' forms that fits tell apart (Candidate::told_by_fit), one after the other, for another that is
-// better beside all effects that are there. False if none is. candidates: with all forms.
+// Swaps effects' forms that fits tell apart (Candidate::form), one after the other, for another that is better beside
+// all effects that are there. False if none is. candidates: with all forms.
 bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Candidate *> &candidates, double at);
 // Leaves out effects that others have made needless: an effect is chosen without those that come after it.
 void prune(ModelFit &fits, SearchState &state, double at);

@@ -127,20 +127,26 @@ std::string c(const CameraProfile &p) {
     text += fmt::format("    lens->principal_point_given = 1;\n    lens->principal_point_x_px = {};\n"
                         "    lens->principal_point_y_px = {};\n}}\n\n",
                         p.principal_point_px[0], p.principal_point_px[1]);
-    text += "static ClspStatus set_camera_effects(ClspPipeline pipeline) {\n    ClspStatus status = CLSP_SUCCESS;\n";
+    std::string arrays, settings;
+    std::size_t count = 0;
     for (const ProfileEffect &effect : p.effects) {
+        if (draws_dots(effect)) {
+            arrays += fmt::format("    /* {} needs a pipeline with dots. */\n", effect.id);
+            continue;
+        }
         std::vector<std::string> values;
         for (const ProfileParameter &parameter : effect.parameters)
             values.push_back(fmt::format("{} /* {} */", parameter.value, parameter.name));
-        if (draws_dots(effect)) {
-            text += fmt::format("    /* {} needs a pipeline with dots. */\n", effect.id);
-            continue;
-        }
-        text += fmt::format("    {{\n        const double values[] = {{{}}};\n        if (status == CLSP_SUCCESS)\n"
-                            "            status = clspPipelineSetEffect(pipeline, \"{}\", values, {});\n    }}\n",
-                            fmt::join(values, ", "), effect.id, values.size());
+        arrays += fmt::format("    const double {}[] = {{{}}};\n", effect.id, fmt::join(values, ", "));
+        settings += fmt::format("        {{\"{0}\", {0}, {1}, 0}},\n", effect.id, values.size());
+        ++count;
     }
-    return text + "    (void)pipeline;\n    return status;\n}\n";
+    text += "static ClspStatus set_camera_effects(ClspPipeline pipeline) {\n" + arrays;
+    if (count == 0)
+        return text + "    (void)pipeline;\n    return CLSP_SUCCESS;\n}\n";
+    return text + fmt::format("    const ClspEffectSetting effects[] = {{\n{}    }};\n"
+                              "    return clspPipelineSetEffects(pipeline, {}, effects);\n}}\n",
+                              settings, count);
 }
 
 } // namespace

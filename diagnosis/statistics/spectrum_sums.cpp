@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <cstdint>
 
 namespace clsp::statistics {
 
@@ -72,19 +73,22 @@ PowerSums sum_power(const Box &box, double cutoff, const std::vector<double> &po
     PowerSums sums;
     for (std::size_t kx = 0; kx < half; ++kx) {
         const double multiplicity = kx == 0 || 2 * kx == width ? 1.0 : 2.0, fx = double(kx) / double(width);
-        for (std::size_t y = 0; y < height; ++y) {
-            const std::size_t ky = std::min(y, height - y);
+        for (std::size_t ky = 0; 2 * ky <= height; ++ky) {
             if (is_mean(kx, ky))
                 continue;
-            const double fy = double(ky) / double(height), power = powers[kx * height + y];
+            // fy and -fy.
+            const bool both = ky > 0 && 2 * ky < height;
+            const double here = powers[kx * height + ky], there = both ? powers[kx * height + height - ky] : 0.0;
+            const double count = both ? 2.0 * multiplicity : multiplicity, power = here + there;
+            const double fy = double(ky) / double(height);
             const double frequency = std::sqrt(fx * fx + fy * fy), position = frequency / cutoff * double(kBands);
             const std::size_t band = position < double(kBands) ? std::size_t(position) : kBands;
             sums.power[band] += multiplicity * power;
-            sums.count[band] += multiplicity;
+            sums.count[band] += count;
             const std::size_t ring = ring_of(frequency);
             sums.ring_power[ring] += multiplicity * power;
-            sums.ring_square[ring] += multiplicity * power * power;
-            sums.ring_count[ring] += multiplicity;
+            sums.ring_square[ring] += multiplicity * (here * here + there * there);
+            sums.ring_count[ring] += count;
             if (fx > fy)
                 sums.along_x += multiplicity * power;
             else if (fx < fy)
@@ -105,34 +109,39 @@ SpectralLine strongest_line(const Box &box, const std::vector<double> &powers) {
             return kRowOffsets;
         if (ky <= 1)
             return kColumnOffsets;
-        return ring_of(std::hypot(double(kx) / double(width), double(ky) / double(height)));
+        const double fx = double(kx) / double(width), fy = double(ky) / double(height);
+        return ring_of(std::sqrt(fx * fx + fy * fy));
     };
     // Logarithms: the line itself counts in its surrounding as one of many.
     std::array<double, kPeakRings + 2> total{}, count{};
     std::vector<double> logs(powers.size());
+    std::vector<std::uint8_t> rings(powers.size());
     const auto each = [&](const auto &work) {
         for (std::size_t kx = 0; kx < half; ++kx)
             for (std::size_t y = 0; y < height; ++y) {
                 const std::size_t ky = std::min(y, height - y);
                 // The other half of fx = 0 is the same again.
                 if (!is_mean(kx, ky) && (kx > 0 || 2 * y <= height))
-                    work(kx * height + y, kx, y, surrounding(kx, ky));
+                    work(kx * height + y, kx, y, ky);
             }
     };
-    each([&](std::size_t at, std::size_t, std::size_t, std::size_t ring) {
+    each([&](std::size_t at, std::size_t kx, std::size_t, std::size_t ky) {
+        const std::size_t ring = surrounding(kx, ky);
+        rings[at] = std::uint8_t(ring);
         logs[at] = std::log(powers[at] + kNothing);
         total[ring] += logs[at];
         count[ring] += 1.0;
     });
     double most = 0.0, best = -1.0;
     std::size_t x = 0, y = 0;
-    each([&](std::size_t at, std::size_t kx, std::size_t ky, std::size_t ring) {
+    each([&](std::size_t at, std::size_t kx, std::size_t row, std::size_t) {
+        const std::size_t ring = rings[at];
         const double above = logs[at] - total[ring] / count[ring];
         if (above > best) {
             best = above;
             most = powers[at];
             x = kx;
-            y = ky;
+            y = row;
         }
     });
     // Noise has exponential powers: the mean of their logarithms is Euler's constant below that of their mean.

@@ -250,7 +250,7 @@ TEST(Candidates, WhatGoesBothWays) {
 TEST(Candidates, AFitMayBeginElsewhere) {
     std::vector<Candidate> all = candidates({}, {});
     const std::vector<Candidate> more = with_alternatives(all);
-    ASSERT_EQ(more.size(), all.size() + 10);
+    ASSERT_EQ(more.size(), all.size() + 11);
     const Candidate &other = more[all.size() + 1];
     EXPECT_EQ(other.id, "beam_skew");
     const Candidate &usual =
@@ -269,7 +269,7 @@ TEST(Candidates, AFitMayBeginElsewhere) {
     EffectModel model;
     model.add(usual, 1.0, 0.5);
     EXPECT_TRUE(model.has(other));
-    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 6);
+    EXPECT_EQ(with_alternatives(candidates({}, {"beam_skew"})).size(), all.size() + 7);
 }
 
 // Which form an effect has is no strength: each form is a candidate, and the fitted parameters say which it was.

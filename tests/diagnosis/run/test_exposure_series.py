@@ -61,7 +61,7 @@ def test_means_show_a_bent_response(tmp_path: Path) -> None:
     assert parameter(report, "shot_noise", "dn_per_electron") == pytest.approx(GAIN_DN, rel=0.02)
 
 
-@pytest.mark.parametrize("power", [1, 3])
+@pytest.mark.parametrize("power", [1, 2, 3])
 def test_means_show_the_power_of_a_response(tmp_path: Path, power: int) -> None:
     """At the brightest flat the signal lacks 8 %: of its square, or of a higher power."""
     part = DN_PER_MS * TIMES_MS[-1] / FULL_DN
