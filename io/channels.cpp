@@ -377,11 +377,9 @@ std::vector<std::string> select_channels(const std::string &path, const std::vec
                fmt::format("several of its channels may be {}: {}", said(request.role), joined(fitting)), request.role,
                fitting.front());
     }
-    std::string example = channels.empty() ? "CHANNEL" : channels.front();
-    const Layers layers(channels);
-    for (auto channel = channels.rbegin(); channel != channels.rend(); ++channel)
-        if (!is_of_another(layers, *channel, request.role))
-            example = *channel;
+    std::string example = unclaimed_channel(channels, request.role);
+    if (example.empty())
+        example = channels.empty() ? "CHANNEL" : channels.front();
     if (is_vector(request.role))
         example = vector_example(channels, request.role);
     refuse(path, channels, fmt::format("none of its channels is named as {}", said(request.role)), request.role,
@@ -390,13 +388,22 @@ std::vector<std::string> select_channels(const std::string &path, const std::vec
 
 bool has_picture(const std::vector<std::string> &channels) {
     const Layers layers(channels);
-    return std::any_of(layers.names().begin(), layers.names().end(),
-                       [&](const std::string &layer) { return !layers.picture(layer).empty(); });
+    return std::any_of(layers.names().begin(), layers.names().end(), [&](const std::string &layer) {
+        const Names picture = layers.picture(layer);
+        return !picture.empty() && !is_named_as_another(picture.front(), Role::image);
+    });
 }
 
-bool has_depth(const std::vector<std::string> &channels) {
-    const std::vector<std::vector<Names>> groups = candidates(channels, Role::depth);
-    return !groups[0].empty() || !groups[1].empty(); // the last one is of channels without a name
+std::string unclaimed_channel(const std::vector<std::string> &channels, Role role) {
+    const Layers layers(channels);
+    const auto found = std::find_if(channels.begin(), channels.end(),
+                                    [&](const std::string &channel) { return !is_of_another(layers, channel, role); });
+    return found == channels.end() ? "" : *found;
+}
+
+std::vector<std::vector<std::string>> named_channels(const std::vector<std::string> &channels, Role role) {
+    const std::vector<std::vector<Names>> groups = candidates(channels, role);
+    return groups[0].empty() && role == Role::depth ? groups[1] : groups[0];
 }
 
 std::unique_ptr<Reader> select_samples(std::unique_ptr<Reader> reader, const ReadRequest &request) {

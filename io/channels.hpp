@@ -24,10 +24,16 @@ namespace image_io {
 std::vector<std::string> select_channels(const std::string &path, const std::vector<std::string> &channels,
                                          const ReadRequest &request);
 
-/** True if some of the channels make a picture: Y, or R, G and B of one layer. */
+/** True if some of the channels make a picture: Y, or R, G and B of one layer that is not named for another plane. */
 bool has_picture(const std::vector<std::string> &channels);
-/** Whether any channel or layer is named as a depth. */
-bool has_depth(const std::vector<std::string> &channels);
+/**
+ * What a file's names say about a plane: the channels of each layer or channel that is named for it, one or three.
+ * Empty: none is; then a lone channel may still be meant, which select_channels() takes.
+ */
+std::vector<std::vector<std::string>> named_channels(const std::vector<std::string> &channels, Role role);
+
+/** The first channel that has no name of another plane, which may be this one; empty: all have. */
+std::string unclaimed_channel(const std::vector<std::string> &channels, Role role);
 
 /** A reader of some of the channels of another one; those without names go by R, G, B, A or their number from 0. */
 std::unique_ptr<Reader> select_samples(std::unique_ptr<Reader> reader, const ReadRequest &request);

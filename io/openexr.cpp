@@ -11,6 +11,7 @@
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfInputPart.h>
+#include <ImfIntAttribute.h>
 #include <ImfMultiPartInputFile.h>
 #include <ImfPartType.h>
 #include <ImfStandardAttributes.h>
@@ -182,6 +183,12 @@ class ExrFile final : public ChannelFile {
         return Imf::hasWhiteLuminance(file_->header(0)) ? Imf::whiteLuminance(file_->header(0)) : 0.0f;
     }
 
+    /** As programs that convert photographs keep it; 1: as stored. */
+    unsigned orientation() const {
+        const auto *found = file_->header(0).findTypedAttribute<Imf::IntAttribute>("Orientation");
+        return found ? static_cast<unsigned>(std::max(0, found->value())) : 1;
+    }
+
     /** Width over height of a pixel, as the first part says. */
     double pixel_aspect() const { return file_->header(0).pixelAspectRatio(); }
 
@@ -351,6 +358,7 @@ class ExrReader final : public Reader {
                                                  "(--irradiance-scale)",
                                                  luminance));
         warn_of_aspect(file_.pixel_aspect());
+        warn_of_orientation(file_.orientation());
         for (const std::string &name : names_)
             if (const std::string lossy = file_.lossy(name); !lossy.empty() && !info_.lossy) {
                 info_.lossy = true;

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 namespace tools {
@@ -73,8 +74,60 @@ class IdealInput final : public Input {
     bool has_depth_;
 };
 
-constexpr const char *scene_channels[] = {"Z", "P.X",    "P.Y",        "P.Z",     "N.X",      "N.Y",      "N.Z",
-                                          "A", "albedo", "visibility", "refresh", "material", "motion.X", "motion.Y"};
+using image_io::ChannelFile;
+using image_io::Role;
+using Names = std::vector<std::string>;
+
+/** A plane that a scene's file may hold. */
+struct ScenePlane {
+    Role role;
+    const char *option;
+    Names own; ///< What its channels are called in scenes.
+};
+
+const ScenePlane depth_plane{Role::depth, "depth", {"Z"}};
+const ScenePlane position_plane{Role::position, "position", {"P.X", "P.Y", "P.Z"}};
+/** What no picture has, though renderers add a depth to theirs. */
+const ScenePlane surface_planes[] = {{Role::normal, "normal", {"N.X", "N.Y", "N.Z"}},
+                                     {Role::albedo, "albedo", {"albedo"}},
+                                     {Role::visibility, "visibility", {"visibility"}},
+                                     {Role::mask, "refresh-mask", {"refresh"}},
+                                     {Role::material, "material", {"material"}}};
+const Names motion_channels = {"motion.X", "motion.Y"};
+
+bool contains(const Names &names, const std::string &name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+bool has_any(const ChannelFile &file, const Names &names) {
+    return std::any_of(names.begin(), names.end(), [&](const std::string &name) { return file.has(name); });
+}
+bool has_all(const ChannelFile &file, const Names &names) {
+    return std::all_of(names.begin(), names.end(), [&](const std::string &name) { return file.has(name); });
+}
+
+/** Z beside X and Y is a vector's third axis. */
+bool has_own(const ChannelFile &file, const ScenePlane &plane) {
+    return has_all(file, plane.own) && !(plane.role == Role::depth && has_all(file, {"X", "Y"}));
+}
+
+/** The channels of a plane, by the names of scenes, else by the rule for the plane's option; none: it is not there. */
+Names channels_of(const ChannelFile &file, const ScenePlane &plane) {
+    if (has_own(file, plane))
+        return plane.own;
+    if (plane.own.size() > 1 && has_any(file, plane.own))
+        throw InputError(fmt::format("{}: has only some of the channels {}, {} and {}", file.path(), plane.own[0],
+                                     plane.own[1], plane.own[2]));
+    const std::vector<Names> named = image_io::named_channels(file.channels(), plane.role);
+    if (named.size() < 2)
+        return named.empty() ? Names{} : named.front();
+    std::vector<std::string> listed;
+    for (const Names &one : named)
+        listed.push_back(fmt::format("{}", fmt::join(one, ",")));
+    const bool geometry = plane.role == Role::depth || plane.role == Role::position;
+    throw InputError(fmt::format("{0}: several of its channels may be the {1}: {2}; name one{4}: --{1} {0}:{3}",
+                                 file.path(), plane.option, fmt::join(listed, "; "), listed.front(),
+                                 geometry ? ", in place of the file, and the other planes likewise" : ""));
+}
 
 /** What a file with named channels is as an input. */
 enum class Holds { image, scene, picture_with_depth, picture_with_depth_layer };
@@ -82,19 +135,19 @@ enum class Holds { image, scene, picture_with_depth, picture_with_depth_layer };
 Holds held(const std::string &name) {
     const auto [path, channel] = image_io::split_name(name);
     const auto file = channel.empty() ? image_io::open_channels(path) : nullptr;
-    const auto any = [&](std::initializer_list<const char *> channels) {
-        return std::any_of(channels.begin(), channels.end(), [&](const char *one) { return file->has(one); });
-    };
     if (!file)
         return Holds::image;
-    if (!any({"Z", "P.X", "P.Y", "P.Z"}))
-        return image_io::has_picture(file->channels()) && image_io::has_depth(file->channels())
-                   ? Holds::picture_with_depth_layer
-                   : Holds::image;
-    // Renderers add a depth to their pictures; what else a scene has no picture has.
-    const bool scene = any({"P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "albedo", "visibility", "refresh", "material",
-                            "motion.X", "motion.Y"});
-    return !scene && image_io::has_picture(file->channels()) ? Holds::picture_with_depth : Holds::scene;
+    const auto named = [&](Role role) { return !image_io::named_channels(file->channels(), role).empty(); };
+    const bool picture = image_io::has_picture(file->channels());
+    if (!has_own(*file, depth_plane) && !has_any(*file, position_plane.own)) {
+        if (picture)
+            return named(Role::depth) ? Holds::picture_with_depth_layer : Holds::image;
+        return named(Role::depth) || named(Role::position) ? Holds::scene : Holds::image;
+    }
+    bool scene = !picture || has_any(*file, position_plane.own) || has_any(*file, motion_channels);
+    for (const ScenePlane &plane : surface_planes)
+        scene = scene || has_any(*file, plane.own);
+    return scene ? Holds::scene : Holds::picture_with_depth;
 }
 
 /** X_previous = P C^-1 X, of two rigid poses [R|t]. */
@@ -132,11 +185,14 @@ class ChannelSceneInput final : public Input {
         scene = true;
         kind = files_.size() > 1 ? fmt::format("scene, {} G-buffer files", files_.size()) : "scene, one G-buffer file";
         const auto opened = open_scene(files_.front());
-        const image_io::ChannelFile &first = *opened;
-        for (const std::string &channel : first.channels())
-            if (image_name.empty() &&
-                std::find(std::begin(scene_channels), std::end(scene_channels), channel) == std::end(scene_channels))
-                image_name = files_.front() + ":" + channel;
+        const ChannelFile &first = *opened;
+        Names others = first.channels();
+        others.erase(
+            std::remove_if(others.begin(), others.end(),
+                           [](const std::string &one) { return one == "A" || contains(motion_channels, one); }),
+            others.end());
+        if (const std::string image = image_io::unclaimed_channel(others, Role::image); !image.empty())
+            image_name = files_.front() + ":" + image;
         width = first.width();
         height = first.height();
         frame_count = files_.size();
@@ -151,74 +207,103 @@ class ChannelSceneInput final : public Input {
 
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
         const auto opened = open_scene(files_[frame]);
-        const image_io::ChannelFile &file = *opened;
+        const ChannelFile &file = *opened;
         check_header(file);
         FrameData data;
         data.name = file.path();
         if (rigid_ && !has_motion_ && frame > 0)
             data.previous_from_current = transforms(frame);
         // Positions need no camera model, so they are preferred where a file has both.
-        const bool position = whole(file, "P");
-        const bool normal = whole(file, "N");
-        struct Target {
-            const char *channel;
-            Plane *plane;
-        };
-        Plane refresh, material, motion_x, motion_y;
-        const Target scalars[] = {{"Z", position ? nullptr : &data.depth},
-                                  {"albedo", &data.albedo},
-                                  {"visibility", &data.visibility},
-                                  {"refresh", &refresh},
-                                  {"material", &material},
-                                  {"motion.X", has_motion_ ? &motion_x : nullptr},
-                                  {"motion.Y", has_motion_ ? &motion_y : nullptr}};
-        std::vector<std::string> names;
-        const auto add_vector = [&](const std::string &prefix, VectorPlane &plane) {
-            for (const char *axis : {".X", ".Y", ".Z"})
-                names.push_back(prefix + axis);
+        const Names position = channels_of(file, position_plane);
+        const Names depth = position.empty() ? channels_of(file, depth_plane) : Names{};
+        Names names;
+        std::vector<VectorPlane *> vectors;
+        const auto add_vector = [&](const Names &of, VectorPlane &plane) {
+            if (of.empty())
+                return;
+            names.insert(names.end(), of.begin(), of.end());
             plane.width = width;
             plane.height = height;
             plane.values.reserve(std::size_t{3} * width * height);
+            vectors.push_back(&plane);
         };
-        if (position)
-            add_vector("P", data.position);
-        if (normal)
-            add_vector("N", data.normal);
-        std::vector<Plane *> planes;
-        for (const Target &target : scalars) {
-            if (!target.plane || !file.has(target.channel))
-                continue;
-            names.emplace_back(target.channel);
-            target.plane->width = width;
-            target.plane->height = height;
-            target.plane->values.reserve(std::size_t{width} * height);
-            planes.push_back(target.plane);
+        struct Target {
+            std::string option;
+            Names channels;
+            Plane *plane;
+            bool colored = false;
+        };
+        std::vector<Target> targets;
+        const auto add = [&](const std::string &option, const Names &of, Plane &plane) {
+            if (of.empty())
+                return;
+            names.insert(names.end(), of.begin(), of.end());
+            plane.width = width;
+            plane.height = height;
+            plane.values.reserve(std::size_t{width} * height);
+            targets.push_back({option, of, &plane});
+        };
+        Plane refresh, material, motion_x, motion_y;
+        add_vector(position, data.position);
+        for (const ScenePlane &plane : surface_planes)
+            if (plane.role == Role::normal && !planes_.has(plane.option))
+                add_vector(channels_of(file, plane), data.normal);
+        add("depth", depth, data.depth);
+        for (const ScenePlane &plane : surface_planes)
+            if (plane.role != Role::normal && !planes_.has(plane.option))
+                add(plane.option, channels_of(file, plane),
+                    plane.role == Role::albedo       ? data.albedo
+                    : plane.role == Role::visibility ? data.visibility
+                    : plane.role == Role::mask       ? refresh
+                                                     : material);
+        if (has_motion_) {
+            add("motion", {motion_channels[0]}, motion_x);
+            add("motion", {motion_channels[1]}, motion_y);
         }
-        const char *depth_channel = position ? "P.Z" : "Z";
-        if (file.sample(depth_channel) == "float16")
+        const std::string &depth_channel = position.empty() ? depth.front() : position.back();
+        const std::string sample = file.sample(depth_channel);
+        if (sample == "float16")
             warnings.push_back(
                 fmt::format("{}: channel {} is half precision: steps of 1 mm at 1 m move dots; store it as float",
                             file.path(), depth_channel));
+        if (!position.empty())
+            check_unit(sample, config_.is_word("camera.depth_scale"), "position", file.path());
         file.read_rows(names, [&](const float *row) {
             for (std::uint32_t x = 0; x < width; ++x) {
-                for (VectorPlane *plane : {position ? &data.position : nullptr, normal ? &data.normal : nullptr}) {
-                    if (plane) {
-                        plane->values.insert(plane->values.end(), row, row + 3);
-                        row += 3;
-                    }
+                for (VectorPlane *plane : vectors) {
+                    plane->values.insert(plane->values.end(), row, row + 3);
+                    row += 3;
                 }
-                for (Plane *plane : planes)
-                    plane->values.push_back(*row++);
+                for (Target &target : targets) {
+                    double sum = 0;
+                    for (std::size_t c = 0; c < target.channels.size(); ++c) {
+                        target.colored |= row[c] != row[0] && !(std::isnan(row[c]) && std::isnan(row[0]));
+                        sum += row[c];
+                    }
+                    target.plane->values.push_back(
+                        static_cast<float>(sum / static_cast<double>(target.channels.size())));
+                    row += target.channels.size();
+                }
             }
         });
-        data.depth.sample = file.sample("Z");
+        for (const Target &target : targets) {
+            if (target.colored && target.plane != &data.albedo)
+                throw InputError(
+                    fmt::format("{0}: the color channels of its {1} ({2}) differ, one number for each pixel "
+                                "is needed; save one of them as {1}",
+                                file.path(), target.option, fmt::join(target.channels, ", ")));
+            if (target.colored)
+                warnings.push_back(fmt::format("{}: the color channels of its albedo ({}) differ; their mean is taken "
+                                               "(luminance weights mean nothing in the infrared)",
+                                               file.path(), fmt::join(target.channels, ", ")));
+        }
+        data.depth.sample = sample;
         if (!data.depth.empty())
             settle_depth(data.depth, file.path(), config_, warnings);
         scale_position(data.position, config_);
         if (!data.albedo.empty())
             check_albedo(data.albedo, file.path(), light_choice(config_), warnings);
-        if (!data.visibility.empty())
-            check_values(data.visibility, file.path(), "visibility", 1.0);
+        check_visibility(data.visibility, file.path(), "", "");
         if (!refresh.empty())
             data.refresh = to_mask(refresh, file.path(), warnings);
         if (!material.empty())
@@ -228,31 +313,25 @@ class ChannelSceneInput final : public Input {
             data.motion.push_back(motion_y.values[i]);
         }
         planes_.read(frame, data, warnings);
-        if (normal && !planes_.has("normal"))
+        if (!data.normal.empty() && !planes_.has("normal"))
             check_normals(data, file.path(), config_, warnings);
         return data;
     }
 
   private:
-    void check_header(const image_io::ChannelFile &file) const {
+    void check_header(const ChannelFile &file) const {
         if (file.width() != width || file.height() != height)
             throw InputError(fmt::format("{}: the image has {} x {} pixels, the first one ({}) has {} x {}",
                                          file.path(), file.width(), file.height(), files_.front(), width, height));
-        whole(file, "N");
         if (has_motion_ && !(file.has("motion.X") && file.has("motion.Y")))
             throw InputError(fmt::format("{}: has not the channels motion.X and motion.Y of the first file, {}",
                                          file.path(), files_.front()));
-        if (!whole(file, "P") && !file.has("Z"))
+        for (const ScenePlane &plane : surface_planes)
+            if (!planes_.has(plane.option))
+                (void)channels_of(file, plane);
+        if (channels_of(file, position_plane).empty() && channels_of(file, depth_plane).empty())
             throw InputError(fmt::format(
                 "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
-    }
-    /** True if all three channels of a vector are there, false if none is. */
-    static bool whole(const image_io::ChannelFile &file, const std::string &prefix) {
-        const int count = file.has(prefix + ".X") + file.has(prefix + ".Y") + file.has(prefix + ".Z");
-        if (count != 0 && count != 3)
-            throw InputError(fmt::format("{}: has only some of the channels {}.X, {}.Y and {}.Z", file.path(), prefix,
-                                         prefix, prefix));
-        return count == 3;
     }
 
     /** Since the frame before, for each material; what belongs to no object rests. */

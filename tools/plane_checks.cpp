@@ -31,6 +31,27 @@ bool is_position(const float *p) {
     return near(p[0]) && near(p[1]) && near(p[2]) && (p[0] != 0 || p[1] != 0 || p[2] != 0);
 }
 
+/** The file's name, with the number that means 1. */
+std::string with_full_scale(const std::string &file, double top) {
+    const auto [path, channel] = image_io::split_name(file);
+    return fmt::format("{}:full_scale={}{}", path, top, channel.empty() ? "" : "," + channel);
+}
+
+/** Whether all are whole numbers of 8 bits. */
+bool are_codes(const Plane &plane) {
+    return std::all_of(plane.values.begin(), plane.values.end(),
+                       [](float v) { return v >= 0.0f && v <= 255.0f && v == std::floor(v); });
+}
+
+/** What numbers above 1 may be parts of: 100, or the top code of whole bits. */
+double likely_top(const Plane &plane) {
+    const double largest = *std::max_element(plane.values.begin(), plane.values.end());
+    double top = 255;
+    while (top < largest)
+        top = 2 * top + 1;
+    return largest <= 100 ? 100 : top;
+}
+
 /** Whether a normal's numbers of -1 to 1 were made colors of 0 to top. */
 bool looks_encoded(const float *n, double top) {
     const double x = 2.0 * n[0] / top - 1, y = 2.0 * n[1] / top - 1, z = 2.0 * n[2] / top - 1;
@@ -117,6 +138,13 @@ std::string check_full_scale(const Plane &plane, const std::string &name, const 
             return "";
         }
     const float largest = *high;
+    const auto advice_of = [&](double top) {
+        return file.empty() ? fmt::format("--full-scale {}", top) : with_full_scale(file, top);
+    };
+    if (largest == 1 && plane.full_scale > 1)
+        warnings.push_back(fmt::format("{}: its largest number is 1 of {}; if its numbers are 0 and 1, {} makes 1 mean "
+                                       "1",
+                                       name, plane.full_scale, advice_of(1)));
     if (!(largest > 1))
         return "";
     unsigned bits = bits_of(largest);
@@ -126,10 +154,7 @@ std::string check_full_scale(const Plane &plane, const std::string &name, const 
     if (told)
         bits = plane.significant_bits;
     const double top = std::ldexp(1.0, static_cast<int>(bits)) - 1;
-    const auto [path, channel] = image_io::split_name(file);
-    const std::string advice = file.empty()
-                                   ? fmt::format("--full-scale {}", top)
-                                   : fmt::format("{}:full_scale={}{}", path, top, channel.empty() ? "" : "," + channel);
+    const std::string advice = advice_of(top);
     if (plane.full_scale <= 0) {
         warnings.push_back(fmt::format("{}: its numbers are of type {}, which tells no full scale; they are taken as "
                                        "they are, and the largest is {}. {} makes that of {} bits 1",
@@ -160,17 +185,31 @@ void check_values(const Plane &plane, const std::string &path, const char *what,
                                  bad == 1 ? "" : "s", advice.empty() ? "" : "; ", advice));
 }
 
+void check_visibility(const Plane &plane, const std::string &name, const std::string &file, const std::string &advice) {
+    if (plane.empty())
+        return;
+    const bool above = *std::max_element(plane.values.begin(), plane.values.end()) > 1;
+    const std::string out =
+        !advice.empty()     ? advice + " divides its whole numbers"
+        : !above            ? ""
+        : !are_codes(plane) ? "save numpy.minimum(visibility, 1), which cuts them at 1"
+        : file.empty()      ? "save visibility / 255, if these are codes of 8 bits"
+                            : fmt::format("if these are codes of 8 bits, {} divides them", with_full_scale(file, 255));
+    check_values(plane, name, "visibility", 1.0, out);
+}
+
 void check_albedo(Plane &plane, const std::string &name, LightChoice choice, std::vector<std::string> &warnings) {
     check_light(plane, name, "albedo", choice, warnings);
     const auto above = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 1.0f; });
-    const bool codes = std::all_of(plane.values.begin(), plane.values.end(),
-                                   [](float v) { return v <= 255.0f && v == std::floor(v); });
+    const auto lit = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 0.0f; });
     if (above > 0)
         warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1, so that more light leaves the surface "
                                        "than falls on it; save {}",
                                        name, above,
-                                       codes ? "albedo / 255, if these are codes of 8 bits"
-                                             : "numpy.minimum(albedo, 1), which cuts them at 1"));
+                                       are_codes(plane) ? "albedo / 255, if these are codes of 8 bits"
+                                       : 2 * above > lit
+                                           ? fmt::format("albedo / {0}, if {0} stands for 1", likely_top(plane))
+                                           : "numpy.minimum(albedo, 1), which cuts them at 1"));
 }
 
 void settle_depth(Plane &plane, const std::string &name, const Config &config, std::vector<std::string> &warnings) {
@@ -211,7 +250,7 @@ void settle_depth(Plane &plane, const std::string &name, const Config &config, s
     }
     if (middle > far_m)
         warnings.push_back(fmt::format("{}: the surfaces are {:g} m away in the median, which no laser lights up; "
-                                       "--depth-scale 0.001 takes the numbers as millimetres",
+                                       "--depth-scale 0.001 takes the numbers as millimetres, 0.01 as centimetres",
                                        name, middle));
 }
 

@@ -44,6 +44,11 @@ void check_unit(const std::string &sample, bool automatic, const char *what, con
 void check_albedo(image_io::Plane &plane, const std::string &name, LightChoice choice,
                   std::vector<std::string> &warnings);
 
+/** @param file the plane's name, which an option may follow; empty: a file of several planes.
+ * @param advice what gives whole numbers a full scale. */
+void check_visibility(const image_io::Plane &plane, const std::string &name, const std::string &file,
+                      const std::string &advice);
+
 /** Depths in metres. What is no surface is infinitely far. */
 void settle_depth(image_io::Plane &plane, const std::string &name, const Config &config,
                   std::vector<std::string> &warnings);

@@ -148,7 +148,7 @@ void Planes::read(std::uint64_t frame, FrameData &data, std::vector<std::string>
             check_albedo(plane, file, choice_, warnings);
             data.albedo = std::move(plane);
         } else {
-            check_values(plane, file, "visibility", 1.0, advice.empty() ? "" : advice + " divides its whole numbers");
+            check_visibility(plane, file, series.first_path(), advice);
             data.visibility = std::move(plane);
         }
     }

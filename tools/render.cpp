@@ -503,6 +503,15 @@ class Renderer {
             throw InputError(fmt::format("--frames {}: the input has {} frames", frames_, input_.frame_count));
     }
 
+    static bool is_black(const std::vector<float> &values) {
+        return std::all_of(values.begin(), values.end(), [](float value) { return value == 0; });
+    }
+    static std::string black(const std::string &what) {
+        return fmt::format("{} is 0 everywhere: it may be another channel or page than meant, which FILE:CHANNEL and "
+                           "FILE:page=N name",
+                           what);
+    }
+
     std::vector<float> plane(const std::string &path, const char *what, image_io::Role role, std::uint32_t *width,
                              std::uint32_t *height, double high,
                              image_io::Encoding encoding = image_io::Encoding::as_stored) {
@@ -511,10 +520,8 @@ class Renderer {
         plane.values = read_plane(path, role, warnings_, width, height, &advice, encoding);
         plane.width = *width;
         plane.height = *height;
-        if (std::all_of(plane.values.begin(), plane.values.end(), [](float value) { return value == 0; }))
-            black_plane_ = fmt::format("the {} {} is 0 everywhere: it may be another channel or page than meant, which "
-                                       "FILE:CHANNEL and FILE:page=N name",
-                                       what, path);
+        if (is_black(plane.values))
+            black_plane_ = black(fmt::format("the {} {}", what, path));
         if (std::isinf(high))
             check_light(plane, path, what, light_choice(config_), warnings_);
         else
@@ -651,7 +658,7 @@ class Renderer {
         if (bright <= 0)
             throw InputError(fmt::format("{}: {}, so that no exposure can be chosen. If no light is meant, give "
                                          "--illumination dark and a number for --exposure-gain",
-                                         first_.name, why_black()));
+                                         first_.name, why_black(first_)));
         if (range_->room() <= 0)
             throw InputError(fmt::format("--exposure-gain auto finds no room: {}", range_->why_no_room()));
         const double gain = range_->auto_signal() / (bright * passed());
@@ -666,14 +673,19 @@ class Renderer {
     }
 
     /** The likely cause of an ideal image without any light. */
-    std::string why_black() const {
+    std::string why_black(const FrameData &data) const {
         if (!black_plane_.empty())
             return black_plane_;
-        return input_.scene ? "the ideal image is 0 everywhere: the pattern does not meet the scene. Check its pose "
-                              "and extent (--pattern-laser-from-geometry, --pattern-half-extent-x), and the unit of "
-                              "depths (--depth-scale)"
-                            : "the ideal image is 0 everywhere: it may be another channel or page than meant, "
-                              "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
+        for (const auto &[what, plane] : {std::pair("albedo", &data.albedo), std::pair("visibility", &data.visibility)})
+            if (!plane->empty() && is_black(plane->values))
+                return black(fmt::format("the {}", what));
+        return input_.scene
+                   ? fmt::format("the ideal image is 0 everywhere: the pattern does not meet the scene{}. Check "
+                                 "its pose and extent (--pattern-laser-from-geometry, "
+                                 "--pattern-half-extent-x), and the unit of depths (--depth-scale)",
+                                 data.normal.empty() ? "" : ", or the normals face away")
+                   : "the ideal image is 0 everywhere: it may be another channel or page than meant, "
+                     "which FILE:CHANNEL and FILE:page=N name, or an image that was never drawn";
     }
 
     /** Part of the light that the aperture passes, in the mean. */
@@ -729,7 +741,7 @@ class Renderer {
             if (brightest <= 0)
                 console_.warn(
                     fmt::format("{}: {}: {}. No gain helps; if no light is meant, --illumination dark says so",
-                                data.name, no_light, why_black()));
+                                data.name, no_light, why_black(data)));
             else if (input_.scene)
                 console_.warn(fmt::format(
                     "{}: {}: the brightest point gets {:.3g} of full scale. Check the pattern's pose and extent "

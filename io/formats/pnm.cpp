@@ -140,11 +140,14 @@ class PnmReader final : public Reader {
                 (void)number("pixel");
             end = position();
         }
-        // Some programs end an image with a new line.
+        // Some programs end an image with a new line. Behind the numbers of a text there may be a comment, too.
         std::uint64_t next = end;
         file_.seek(end);
-        while (next < file_.size() && std::isspace(file_.get()))
-            ++next;
+        for (int c = file_.get(); std::isspace(c) || (c == '#' && image.is_text()); c = file_.get()) {
+            while (c == '#' && (c = file_.get()) != '\n' && c != -1)
+                c = '#';
+            next = std::min(position(), file_.size());
+        }
         if (next < file_.size() && begins_at(next, 0))
             return next;
         info_.surplus_bytes = next == file_.size() && image.is_text() ? 0 : file_.size() - end;

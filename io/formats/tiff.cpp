@@ -101,7 +101,8 @@ struct Layout {
     std::uint16_t photometric = PHOTOMETRIC_MINISBLACK;
     std::uint16_t planar = PLANARCONFIG_CONTIG;
     std::uint16_t compression = COMPRESSION_NONE;
-    bool alpha = false;
+    bool alpha = false; ///< There is a sample behind gray or the colors.
+    bool is_opacity_told = false;
     bool tiled = false;
     std::uint16_t colors = 0; ///< Of a palette whose colors are looked up, 1 (gray) or 3; 0: none is.
     std::vector<float> palette[3];
@@ -177,6 +178,11 @@ class TiffReader final : public Reader {
         info_.height = layout.height;
         info_.channels = layout.colors > 0 ? layout.colors : layout.channels;
         info_.alpha = layout.alpha;
+        if (layout.alpha && !layout.is_opacity_told && request.channel.empty())
+            fail(fmt::format("does not say what the last of its {0} samples for each pixel is (tag ExtraSamples): "
+                             "opacity, or a channel of its own. Name one behind the file's name: {1}:{2}, or the last, "
+                             "{1}:A",
+                             layout.channels, path_, layout.channels == 2 ? "Y" : "R,G,B"));
         info_.sample = layout.sample();
         info_.full_scale = layout.full_scale();
         info_.lossy = is_lossy(layout.compression);
@@ -199,6 +205,8 @@ class TiffReader final : public Reader {
             info_.transfer = told_transfer(layout);
         else if (stored_tag(TIFFTAG_GRAYRESPONSECURVE))
             info_.transfer = unknown_transfer("its tag GrayResponseCurve", "a table of optical densities");
+        else if (exif_says_srgb())
+            info_.transfer = srgb("its EXIF data");
         warn_of_xmp(xmp());
         warn_of_missing();
         find_calibration(layout);
@@ -599,6 +607,9 @@ class TiffReader final : public Reader {
 
     /** A tag as the page's directory has it, the lower 16 bits: libtiff leaves out, or changes, what does not fit. */
     std::optional<std::uint16_t> stored_tag(std::uint16_t tag) {
+        return stored_tag(tag, TIFFCurrentDirOffset(tiff_.get()));
+    }
+    std::optional<std::uint16_t> stored_tag(std::uint16_t tag, std::uint64_t directory) {
         const bool big = TIFFIsBigTIFF(tiff_.get()) != 0, swapped = TIFFIsByteSwapped(tiff_.get()) != 0;
         const auto word = [&](const unsigned char *bytes) {
             return static_cast<std::uint16_t>(swapped ? bytes[0] << 8 | bytes[1] : bytes[1] << 8 | bytes[0]);
@@ -606,7 +617,7 @@ class TiffReader final : public Reader {
         // Directories of 65536 entries or more are none that libtiff takes.
         const std::size_t count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12, value_at = big ? 12 : 8;
         unsigned char count[8];
-        file_.seek(TIFFCurrentDirOffset(tiff_.get()));
+        file_.seek(directory);
         file_.read(count, count_bytes);
         std::vector<unsigned char> entries(entry_bytes * word(big && swapped ? count + 6 : count));
         file_.read(entries.data(), entries.size());
@@ -619,6 +630,13 @@ class TiffReader final : public Reader {
                 return word(&entries[at + value_at + (swapped ? above : 0)]);
             }
         return std::nullopt;
+    }
+
+    bool exif_says_srgb() {
+        constexpr std::uint16_t color_space = 0xa001, srgb_space = 1;
+        std::uint64_t directory = 0;
+        return TIFFGetField(tiff_.get(), TIFFTAG_EXIFIFD, &directory) && directory < file_size_ &&
+               stored_tag(color_space, directory) == srgb_space;
     }
 
     Layout read_layout() {
@@ -688,6 +706,7 @@ class TiffReader final : public Reader {
                 layout.channels, colors == 1 ? "a gray" : "a color", colors, colors == 1 ? "is" : "are",
                 colors > 1 ? "" : ". If they are frames, " + frames_first(layout.planar != PLANARCONFIG_SEPARATE)));
         layout.alpha = layout.channels == colors + 1;
+        layout.is_opacity_told = extra_count > 0 && extra[0] != EXTRASAMPLE_UNSPECIFIED;
         if (layout.colors > 0 && layout.alpha)
             fail("has a palette and an opacity, which is not supported; convert it to RGB");
         if (layout.photometric == PHOTOMETRIC_MINISWHITE && layout.sample_format != SAMPLEFORMAT_UINT)

@@ -107,6 +107,19 @@ def test_pnm_headers(tmp_path: Path, kind: int, header: str) -> None:
     assert given.warnings == []
 
 
+@pytest.mark.parametrize("behind", [b" # the last row", b"\n# one\n# two\n", b"\n#"])
+def test_a_comment_behind_the_numbers_of_a_text_is_none(tmp_path: Path, behind: bytes) -> None:
+    values = noise((40, 28), 1, 1023)
+    (tmp_path / "a.pgm").write_bytes(pnm(2, values, 1023) + behind)
+    given = Dump(tmp_path / "a.pgm")
+    given.check(values, 1023)
+    assert given.warnings == []
+    (tmp_path / "a.pgm").write_bytes(pnm(2, values, 1023) + behind + b"\n" + pnm(2, values, 1023))
+    assert Dump(tmp_path / "a.pgm").frames == 2
+    (tmp_path / "a.pgm").write_bytes(pnm(2, values, 1023) + behind + b"\n17")
+    assert "follow the last image" in Dump(tmp_path / "a.pgm").warnings[0]
+
+
 @pytest.mark.parametrize("kind", [2, 5, 6])
 @pytest.mark.parametrize("between", [b"", b"\n"])
 def test_pnm_streams_are_frames(tmp_path: Path, kind: int, between: bytes) -> None:

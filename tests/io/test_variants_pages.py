@@ -14,6 +14,7 @@ import pytest
 import tifffile
 from PIL import Image, ImageCms, PngImagePlugin
 from test_variants import DUMP, Dump, noise
+from test_variants_hdr import images
 
 Array = np.ndarray
 SIZE = (40, 28)
@@ -280,6 +281,16 @@ def test_orientation_is_told(tmp_path: Path, orientation: int) -> None:
         np.testing.assert_array_equal(given.values[0], STACK[0])
         told = [warning for warning in given.warnings if f"(orientation {orientation})" in warning]
         assert len(told) == (0 if orientation == 1 else 1)
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_orientation_that_an_exr_file_keeps_is_told(tmp_path: Path, orientation: int) -> None:
+    """OpenImageIO writes it so when it converts a photograph."""
+    images.exr(tmp_path / "a.exr", {"Y": STACK[0].astype(np.float32)}, Orientation=orientation)
+    given = Dump(tmp_path / "a.exr")
+    np.testing.assert_array_equal(given.values[0], STACK[0])
+    assert [w for w in given.warnings if "(orientation 6)" in w] == given.warnings
+    assert len(given.warnings) == (orientation == 6)
 
 
 @pytest.mark.parametrize(

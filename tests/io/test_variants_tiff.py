@@ -33,6 +33,7 @@ def tiff_of(data: bytes, size: tuple[int, int], bits: int, order: str = "<", **t
         "colors": 320,
         "planar": 284,
         "compression": 259,
+        "exif": 34665,
     }
     entries: dict[int, int | tuple[int, ...]] = {
         256: size[0], 257: size[1], 258: bits, 259: 1, 262: 1, 277: 1, 278: size[1], 279: len(data), 273: 8,

@@ -77,6 +77,53 @@ def test_names_tell_depth_and_normals(ok, scene: Path, expected: np.ndarray, pla
     )
 
 
+@pytest.mark.parametrize(
+    "planes",
+    [
+        {"Z": depth(), **vector("Normal", normal()), "Albedo": albedo()},
+        {"z": depth(), **vector("N", normal(), "xyz"), "albedo.V": albedo()},
+        {"Depth.V": depth(), **vector("normals", normal(), "RGB"), **{f"albedo.{c}": albedo() for c in "RGB"}},
+        {**colors(), "Z": depth(), **vector("View.Normal", normal()), "View.albedo": albedo()},
+        {"left.Z": depth(), "unknown": visibility(), **vector("N", normal()), "albedo": albedo()},
+    ],
+)
+def test_a_scene_in_one_file_has_the_rule_of_the_planes(ok, scene: Path, planes: dict) -> None:
+    images.exr(scene / "all.exr", planes)
+    one_by_one = options(depth="z.npy", normal="n.npy", albedo="a.npy")
+    np.testing.assert_array_equal(rendered(ok, scene, "all.exr", *CAMERA), rendered(ok, scene, *one_by_one, *CAMERA))
+
+
+def test_positions_of_a_scene_are_found_by_their_layer(ok, scene: Path) -> None:
+    images.exr(scene / "all.exr", {**vector("Position", position(), "xyz"), **vector("Normal", normal())})
+    one_by_one = options(position="p.npy", normal="n.npy")
+    np.testing.assert_array_equal(rendered(ok, scene, "all.exr"), rendered(ok, scene, *one_by_one))
+
+
+def test_a_scene_in_which_several_planes_fit_is_refused_with_a_way_out(ok, refused, scene: Path) -> None:
+    images.exr(scene / "two.exr", {"Z": depth(), **vector("a.N", normal()), **vector("b.N", -normal())})
+    message = refused("render", "two.exr", *ARGUMENTS)
+    advised = re.search(r"several of its channels may be the normal: .* name one: (--normal) (\S+)", message)
+    assert advised and advised[2] == "two.exr:a.N.X,a.N.Y,a.N.Z"
+    expected = rendered(ok, scene, *options(depth="z.npy", normal="n.npy"), *CAMERA)
+    np.testing.assert_array_equal(rendered(ok, scene, "two.exr", *advised.groups(), *CAMERA), expected)
+    images.exr(scene / "two.exr", {"a.Depth.Z": depth(), "b.Depth.Z": depth() * 2})
+    message = refused("render", "two.exr", *ARGUMENTS)
+    advised = re.search(r"in place of the file, and the other planes likewise: (--depth) (\S+)", message)
+    assert advised and advised[2] == "two.exr:a.Depth.Z"
+    rendered(ok, scene, *advised.groups(), *CAMERA)
+
+
+def test_colors_in_a_scene_are_no_number(ok, refused, scene: Path) -> None:
+    layer = {f"albedo.{c}": plane / 2 for c, plane in COLORS.items()}
+    images.exr(scene / "colors.exr", {"Z": depth(), **layer})
+    assert "their mean is taken" in ok("render", "colors.exr", *ARGUMENTS).err
+    images.exr(scene / "colors.exr", {"Z": depth(), **{f"visibility.{c}": plane for c, plane in COLORS.items()}})
+    message = refused("render", "colors.exr", *ARGUMENTS)
+    assert "the color channels of its visibility" in message and "save one of them as visibility" in message
+    images.exr(scene / "colors.exr", {"Z": depth(), "visibility": COLORS["R"]})
+    ok("render", "colors.exr", *ARGUMENTS)
+
+
 def test_parts_of_one_file(ok, scene: Path, expected: np.ndarray) -> None:
     xyz = {axis: np.ascontiguousarray(normal()[..., i]) for i, axis in enumerate("XYZ")}
     images.exr_parts(scene / "parts.exr", rgba=colors(), depth={"Z": depth()}, normal=xyz)
@@ -176,8 +223,8 @@ def test_what_no_name_tells_is_refused_with_a_name_that_works(ok, refused, scene
 @pytest.mark.parametrize(
     ("plane", "channels", "example"),
     [
-        ("", ["Depth.V", "mist.V"], "mist.V"),
-        ("", ["A.X", "A.Y", "A.Z", "Depth.Z", "Normal.X", "haze"], "haze"),
+        ("", ["mask.V", "mist.V"], "mist.V"),
+        ("", ["A.X", "A.Y", "A.Z", "IndexMA.V", "Normal.X", "haze"], "haze"),
         ("", ["IndexMA.V", "IR", "mask.V"], "IR"),
         ("depth", ["B", "G", "R", "haze.V", "mist.V"], "haze.V"),
         ("albedo", ["Depth.V", "direct", "indirect"], "direct"),
@@ -247,7 +294,7 @@ def test_a_lone_depth_needs_no_name(ok, scene: Path, name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["Depth.V", "mask", "IndexMA.V"])
+@pytest.mark.parametrize("name", ["albedo.V", "mask", "IndexMA.V"])
 def test_a_lone_channel_that_says_what_it_is_is_no_picture_unasked(ok, refused, scene: Path, name: str) -> None:
     images.exr(scene / "given.exr", {name: visibility()})
     message = refused("render", "given.exr", "-o", "out")
@@ -357,6 +404,22 @@ def test_numbers_in_colors_are_refused_until_one_is_named(ok, refused, scene: Pa
     )
     WRITE[name](scene / name, np.repeat(ids[..., :1], 3, axis=-1))
     rendered(ok, scene, *given, name, *CAMERA)
+
+
+@pytest.mark.parametrize("colors", [1, 3])
+def test_a_sample_that_a_tiff_file_does_not_explain_is_no_opacity(ok, refused, scene: Path, colors: int) -> None:
+    """As other programs save infrared and depth, or colors and infrared."""
+    planes = [COLORS["R"]] * colors + [COLORS["B"]]
+    kind = {"photometric": "rgb" if colors == 3 else "minisblack", "planarconfig": "contig"}
+    tifffile.imwrite(scene / "two.tif", np.stack(planes, -1), extrasamples=[0], **kind)
+    message = refused("render", "two.tif", "-o", "out")
+    advised = re.search(r"does not say .*\. Name one behind the file's name: (\S+), or the last, (\S+)$", message)
+    assert advised
+    for name, plane in zip(advised.groups(), (COLORS["R"], COLORS["B"]), strict=True):
+        assert ok("render", name, "-o", "out", "--save-ideal", "--no-preview").err == ""
+        np.testing.assert_array_equal(np.load(scene / "out" / "ideal_000000.npy"), plane)
+    tifffile.imwrite(scene / "two.tif", np.stack(planes, -1), extrasamples=[2], **kind)
+    assert "opacity channel is ignored" in ok("render", "two.tif", "-o", "out").err
 
 
 def test_masks_and_patterns_are_named_likewise(ok, refused, scene: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image, ImageCms
-from test_cli_scene import CAMERA, LASER, PATTERN, albedo, depth, normal, position, rendered, scene
+from test_cli_scene import CAMERA, LASER, PATTERN, albedo, depth, normal, position, rendered, scene, visibility
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "io"))
 import test_variants_pages  # noqa: E402
@@ -289,6 +289,69 @@ def test_planes_of_unknown_full_scale(cli, ok, scene: Path, plane: str, name: st
     frames = [np.load(scene / folder / "frame_000000.npy") for folder in ("given", "expected")]
     np.testing.assert_array_equal(*frames)
     assert expected.code == 0
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_zeros_and_ones_as_integers(cli, ok, scene: Path, kind: type) -> None:
+    """Masks are saved so; 1 of 255 is no light."""
+    ones = visibility() > 0.5
+    np.save(scene / "ones.npy", ones.astype(kind))
+    told = light(ok, scene, "ones.npy")[1]
+    advice = re.search(r"if its numbers are 0 and 1, (--full-scale 1) makes 1 mean 1", told)
+    assert advice and f"its largest number is 1 of {np.iinfo(kind).max}" in told
+    given, told = light(ok, scene, "ones.npy", *advice[1].split())
+    np.testing.assert_array_equal(given, ones)
+    assert "warning" not in told
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
+    told = cli(*command, "--visibility", "ones.npy").err
+    advice = re.search(r"if its numbers are 0 and 1, (\S+) makes 1 mean 1", told)
+    assert advice and cli(*command, "--visibility", advice[1]).err == ""
+
+
+def test_albedos_and_visibilities_of_another_scale(ok, refused, scene: Path) -> None:
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
+    for top in (100, 255, 1023):
+        np.save(scene / "scaled.npy", albedo() * top)
+        told = ok(*command, "--albedo", "scaled.npy").err
+        advice = re.search(r"save (albedo / \d+), if (\d+) stands for 1", told)
+        assert advice and int(advice[2]) == top
+        np.save(scene / "again.npy", eval(advice[1], {"albedo": np.load(scene / "scaled.npy")}))
+        assert ok(*command, "--albedo", "again.npy").err == ""
+    np.save(scene / "codes.npy", np.where(visibility() > 0.5, 255, 0).astype(np.float32))
+    advice = re.search(
+        r"if these are codes of 8 bits, (\S+) divides them", refused(*command, "--visibility", "codes.npy")
+    )
+    assert advice and ok(*command, "--visibility", advice[1]).err == ""
+    images.exr(scene / "codes.exr", {"Z": depth(), "visibility": np.load(scene / "codes.npy")})
+    message = refused(*[word for word in command if word not in ("--depth", "z.npy")], "codes.exr")
+    assert "save visibility / 255, if these are codes of 8 bits" in message
+    above = np.load(scene / "codes.npy") / 250
+    np.save(scene / "above.npy", above)
+    advice = re.search(r"save (numpy\.minimum\(visibility, 1\))", refused(*command, "--visibility", "above.npy"))
+    assert advice
+    np.save(scene / "again.npy", eval(advice[1], {"visibility": above, "numpy": np}))
+    assert ok(*command, "--visibility", "again.npy").err == ""
+
+
+@pytest.mark.parametrize("plane", ["albedo", "visibility"])
+def test_a_plane_without_light_is_the_cause(ok, scene: Path, plane: str) -> None:
+    images.exr(scene / "two.exr", {"unused": np.zeros_like(depth()), plane: np.ones_like(depth())})
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
+    told = ok(*command, f"--{plane}", "two.exr:unused").err
+    assert f"the {plane} is 0 everywhere: it may be another channel or page than meant" in told
+    assert "does not meet the scene" not in told
+    assert ok(*command, f"--{plane}", f"two.exr:{plane}").err == ""
+
+
+def test_centimetres_as_metres_are_warned_of(ok, scene: Path) -> None:
+    np.save(scene / "cm.npy", depth() * 200)
+    advice = re.search(r"takes the numbers as millimetres, (0\.01) as centimetres",
+                       ok("render", "--depth", "cm.npy", *ARGUMENTS, "--no-preview").err)  # fmt: skip
+    assert advice
+    np.save(scene / "m.npy", depth() * 2)
+    given = rendered(ok, scene, "--depth", "cm.npy", "--depth-scale", advice[1], *CAMERA)
+    expected = rendered(ok, scene, "--depth", "m.npy", *CAMERA)
+    assert np.abs(given.astype(int) - expected).max() <= 1
 
 
 def test_full_scale_is_of_light(ok, refused, scene: Path) -> None:

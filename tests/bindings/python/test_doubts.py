@@ -377,11 +377,23 @@ def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> No
 
 def test_an_albedo_above_one_is_no_code() -> None:
     for albedo, words in ((1.5 * RAMP / RAMP.max(), r"(np\.minimum\(albedo, 1\)) cuts"),
+                          (RAMP / RAMP.max() * 80, r"(albedo / 100) does not, if 100 stands for 1"),
+                          (RAMP / RAMP.max() * 900, r"(albedo / 1023) does not, if 1023 stands for 1"),
                           (np.rint(RAMP * 255), r"(albedo / 255) brings codes")):  # fmt: skip
         told = of_geometry(albedo=albedo)
         advice = re.search(words, told[0])
         assert advice
         assert of_geometry(albedo=eval(advice[1], {"albedo": albedo, "np": np})) == []
+
+
+def test_zeros_and_ones_as_integers(tmp_path: Path) -> None:
+    """As masks are saved; the program says so, too."""
+    for kind in (np.uint8, np.uint16):
+        ones = (RAMP > 0.4).astype(kind)
+        advice = re.search(r"if they are 0 and 1, (ideal / 1) makes 1 mean 1", of_ideal(ones)[0])
+        assert advice
+        assert of_ideal(eval(advice[1], {"ideal": ones})) == []
+        assert "its largest number is 1 of" in of_program(tmp_path, "ideal.npy", ideal=ones)
 
 
 def test_normals_of_another_length_have_a_way_out() -> None:

@@ -335,7 +335,9 @@ def light_plane(
     # One of the bits of signed numbers is the sign. The text is that of all frames.
     all_bits = sorted({min(bits, top.bit_length()) for bits in (8, 10, 12, 14, 16)} - {16 if full else 0})
     advice = ", ".join(f"{name} / {2**bits - 1} makes the top code of {bits} bits 1" for bits in all_bits)
-    if full == 0 and largest > 1:
+    if full > 1 and largest == 1:
+        _doubts.warn(f"{name} has integers, the largest is 1 of {full}; if they are 0 and 1, {name} / 1 makes 1 mean 1")
+    elif full == 0 and largest > 1:
         _doubts.warn(
             f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are. "
             f"{advice}"

@@ -216,7 +216,16 @@ def of_albedo(albedo: npt.NDArray[np.float32], name: str) -> None:
     largest = float(albedo.max())
     if largest > 1.0:
         codes = largest <= 255 and bool((albedo == np.floor(albedo)).all())
-        advice = f"{name} / 255 brings codes of 8 bits there" if codes else f"np.minimum({name}, 1) cuts them at 1"
+        # Where most are, their scale is another one.
+        most = 2 * np.count_nonzero(albedo > 1) > np.count_nonzero(albedo > 0)
+        top = 100 if largest <= 100 else 2 ** max(8, math.ceil(math.log2(largest + 1))) - 1
+        advice = (
+            f"{name} / 255 brings codes of 8 bits there"
+            if codes
+            else f"{name} / {top} does not, if {top} stands for 1"
+            if most
+            else f"np.minimum({name}, 1) cuts them at 1"
+        )
         warn(f"{name} is above 1 somewhere, so that more light leaves the surface than falls on it; {advice}")
 
 
