@@ -301,6 +301,26 @@ std::vector<Mosaic> find_mosaic(const Map &map) {
     return mosaic.contrast > 0.0 ? std::vector<Mosaic>{mosaic} : std::vector<Mosaic>{};
 }
 
+// Of sites of 2 x 2 pixels, where all of these count.
+std::vector<Mosaic> find_mosaic_of_blocks(const Map &map) {
+    std::vector<std::uint8_t> mask;
+    Map blocks{map.width / 2, map.height / 2, &mask, {}, {}, map.frames};
+    for (std::uint32_t y = 0; y < blocks.height; ++y)
+        for (std::uint32_t x = 0; x < blocks.width; ++x) {
+            const std::size_t i = std::size_t{2 * y} * map.width + 2 * x;
+            const std::size_t pixels[4] = {i, i + 1, i + map.width, i + map.width + 1};
+            float sum = 0.0f;
+            for (const std::size_t pixel : pixels)
+                sum += map.mean[pixel];
+            blocks.mean.push_back(0.25f * sum);
+            mask.push_back(std::all_of(pixels, pixels + 4, [&](std::size_t s) { return map.counts(s); }) ? 1 : 0);
+        }
+    std::vector<Mosaic> found = find_mosaic(blocks);
+    for (Mosaic &mosaic : found)
+        mosaic.side = 2;
+    return found;
+}
+
 } // namespace
 
 PixelOddities find_oddities(const PixelSums &pixels) {
@@ -312,8 +332,11 @@ PixelOddities find_oddities(const PixelSums &pixels) {
     const Map map = map_of(pixels, result.transients);
     const CaptureScene scene = pixels.sequence.scene;
     const bool even = !is_laser(scene);
-    if (scene != CaptureScene::kDark && (even || scene == CaptureScene::kBoard))
+    if (scene != CaptureScene::kDark && (even || scene == CaptureScene::kBoard)) {
         result.mosaic = find_mosaic(map);
+        if (result.mosaic.empty())
+            result.mosaic = find_mosaic_of_blocks(map);
+    }
     if (even) {
         const std::vector<float> variances = counted(map, map.variance);
         if (counted(map, map.mean).size() < kLeastPixels)

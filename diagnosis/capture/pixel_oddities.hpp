@@ -28,8 +28,9 @@ struct OddPixel {
     PixelOddity how = PixelOddity::bright;
 };
 
-// Levels of the sites (row, column) % 2, in DN, where they differ by more than chance.
+// Levels of the sites (row / side, column / side) % 2, in DN, where they differ by more than chance.
 struct Mosaic {
+    std::uint32_t side = 1; // of a site, in pixels: 2 where four neighbours have one filter
     std::array<double, 4> levels{};
     double contrast = 0.0; // the largest difference of halves, in DN
 };

@@ -6,6 +6,7 @@
 #include <array>
 #include <fmt/format.h>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <string>
 
@@ -58,48 +59,49 @@ std::string text_of(const OddPlaces &places) {
 // Sites that differ are of the sensor: all sequences tell together which one is the brightest.
 std::optional<CaptureWarning> mosaic_warning(const CaptureLayout &layout, const std::vector<SequenceScan> &scans,
                                              const DarkLevel &dark) {
+    const auto light_of = [&](const Mosaic &mosaic) {
+        return std::accumulate(mosaic.levels.begin(), mosaic.levels.end(), 0.0) / 4.0 - dark.level_dn;
+    };
+    std::vector<std::size_t> telling;
+    for (std::size_t i = 0; i < scans.size(); ++i)
+        if (scans[i].oddities && !scans[i].oddities->mosaic.empty())
+            if (const Mosaic &one = scans[i].oddities->mosaic.front(); one.contrast >= kLeastMosaic * light_of(one))
+                telling.push_back(i);
+    if (telling.empty())
+        return std::nullopt;
+    const auto mosaic_of = [&](std::size_t i) -> const Mosaic & { return scans[i].oddities->mosaic.front(); };
+    const auto contrast = [&](std::size_t i) { return mosaic_of(i).contrast / light_of(mosaic_of(i)); };
+    const std::size_t most = *std::max_element(telling.begin(), telling.end(),
+                                               [&](std::size_t i, std::size_t k) { return contrast(i) < contrast(k); });
+    const Mosaic &mosaic = mosaic_of(most);
+    const std::uint32_t period = 2 * mosaic.side;
     std::vector<std::string> names;
     std::array<double, 4> sites{}; // by the light of each sequence
-    std::size_t most = scans.size();
-    double contrast = 0.0;
     bool finer = false;
-    for (std::size_t i = 0; i < scans.size(); ++i) {
-        if (!scans[i].oddities || scans[i].oddities->mosaic.empty())
-            continue;
-        const Mosaic &mosaic = scans[i].oddities->mosaic.front();
-        double light = -dark.level_dn;
-        for (const double level : mosaic.levels)
-            light += 0.25 * level;
-        if (mosaic.contrast < kLeastMosaic * light)
+    for (const std::size_t i : telling) {
+        if (mosaic_of(i).side != mosaic.side)
             continue;
         names.push_back(layout.sequences[i].name);
         for (std::size_t k = 0; k < sites.size(); ++k)
-            sites[k] += (mosaic.levels[k] - dark.level_dn) / light;
-        if (mosaic.contrast / light > contrast) {
-            contrast = mosaic.contrast / light;
-            most = i;
-        }
-        finer = finer || 2.0 * layout.pixel_pitch_m > layout.wavelength_m * layout.sequences[i].f_number;
+            sites[k] += (mosaic_of(i).levels[k] - dark.level_dn) / light_of(mosaic_of(i));
+        finer = finer || period * layout.pixel_pitch_m > layout.wavelength_m * layout.sequences[i].f_number;
     }
-    if (most == scans.size())
-        return std::nullopt;
     const bool has_laser = std::any_of(layout.sequences.begin(), layout.sequences.end(),
                                        [](const SequenceLayout &s) { return is_laser(s.scene); });
-    const Mosaic &mosaic = scans[most].oddities->mosaic.front();
-    const auto brightest = std::max_element(sites.begin(), sites.end()) - sites.begin();
+    const auto brightest = static_cast<std::uint32_t>(std::max_element(sites.begin(), sites.end()) - sites.begin());
     const bool one = names.size() == 1;
     return CaptureWarning{
         one ? names.front() : "",
         (one ? "" : fmt::format("in {}, of which {}: ", fmt::join(names, ", "), layout.sequences[most].name)) +
             fmt::format(
-                "the four sites of 2 x 2 pixels have levels of {3:.1f}, {4:.1f}, {5:.1f} and {6:.1f} DN (top left, "
+                "the four sites of {7} x {7} pixels have levels of {3:.1f}, {4:.1f}, {5:.1f} and {6:.1f} DN (top left, "
                 "top right, bottom left, bottom right): the filters of a colour camera, or converters of their "
-                "own for rows or columns. Take one site, codes[:, {0}::2, {1}::2], with half the width and height "
-                "and twice pixel_pitch_um; places in pixels become (x - {1}) / 2 and (y - {0}) / 2, sigma_px its "
-                "half{2}",
-                brightest / 2, brightest % 2,
+                "own for rows or columns. Take one site, codes[:, {0}::{7}, {1}::{7}], with width and height divided "
+                "by {7} and pixel_pitch_um times {7}; places in pixels become (x - {1}) / {7} and (y - {0}) / {7}, "
+                "sigma_px / {7}{2}",
+                brightest / 2 * mosaic.side, brightest % 2 * mosaic.side,
                 finer && has_laser ? ". Speckle is finer than such pixels, which is a warning of its own" : "",
-                mosaic.levels[0], mosaic.levels[1], mosaic.levels[2], mosaic.levels[3]),
+                mosaic.levels[0], mosaic.levels[1], mosaic.levels[2], mosaic.levels[3], period),
         "mosaic"};
 }
 
