@@ -617,9 +617,13 @@ class TiffReader final : public Reader {
         // Directories of 65536 entries or more are none that libtiff takes.
         const std::size_t count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12, value_at = big ? 12 : 8;
         unsigned char count[8];
+        if (directory + count_bytes > file_size_)
+            return std::nullopt;
         file_.seek(directory);
         file_.read(count, count_bytes);
         std::vector<unsigned char> entries(entry_bytes * word(big && swapped ? count + 6 : count));
+        if (entries.size() > file_size_ - directory - count_bytes)
+            return std::nullopt;
         file_.read(entries.data(), entries.size());
         for (std::size_t at = 0; at < entries.size(); at += entry_bytes)
             if (word(&entries[at]) == tag) {

@@ -299,13 +299,13 @@ def test_tiff_tables_of_light(tmp_path: Path, tables: list[list[int]], says: str
 # --- EXIF data ---
 
 
-def exif_tiff(space: int, order: str) -> bytes:
+def exif_tiff(space: int, order: str, place: int | None = None) -> bytes:
     """One image, then the directory of EXIF data with a color space."""
     values = noise((41, 23))
     start = 8 + values.size + values.size % 2
     data = values.tobytes() + bytes(values.size % 2)
     directory = struct.pack(order + "HHHIHHI", 1, 0xA001, 3, 1, space, 0, 0)
-    return test_variants_tiff.tiff_of(data + directory, (41, 23), 8, order, exif=start)
+    return test_variants_tiff.tiff_of(data + directory, (41, 23), 8, order, exif=start if place is None else place)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -317,6 +317,10 @@ def test_the_color_space_of_exif_data_in_a_tiff_file(tmp_path: Path, order: str)
         assert given.transfer == told
     with Image.open(tmp_path / "a.tif") as image:
         assert image.getexif().get_ifd(0x8769)[0xA001] == 65535
+    # What cannot be read says nothing.
+    for place in (10**6, 2**32 - 2, 0):
+        (tmp_path / "a.tif").write_bytes(exif_tiff(1, order, place))
+        Dump(tmp_path / "a.tif").check(noise((41, 23)), 255)
 
 
 def test_exif_data_that_cannot_be_read_are_told(tmp_path: Path) -> None:
