@@ -396,6 +396,23 @@ def test_zeros_and_ones_as_integers(tmp_path: Path) -> None:
         assert "its largest number is 1 of" in of_program(tmp_path, "ideal.npy", ideal=ones)
 
 
+def test_swapped_bytes_are_told_as_the_program_tells_them(tmp_path: Path) -> None:
+    random = np.random.default_rng(4)
+    for bits, order in ((10, "="), (12, ">"), (14, "=")):
+        codes = random.integers(1, 2**bits, SHAPE, dtype=np.uint16)
+        codes[0, 0] = 2**bits - 1
+        swapped = codes.byteswap().astype(np.dtype(np.uint16).newbyteorder(order))
+        (told,) = [one for one in of_ideal(swapped) if "bytes were swapped" in one]
+        assert "bytes were swapped" in of_program(tmp_path, "ideal.npy", ideal=swapped)
+        advice = re.search(r"if so, give (ideal\.byteswap\(\))$", told)
+        assert advice
+        given = eval(advice[1], {"ideal": swapped})
+        assert not [one for one in of_ideal(given) if "swapped" in one]
+        for clean in (codes << np.uint16(16 - bits), codes >> np.uint16(bits - 8) << np.uint16(8), codes & 3):
+            assert not [one for one in of_ideal(clean) if "swapped" in one]
+            assert "swapped" not in of_program(tmp_path, "ideal.npy", ideal=clean)
+
+
 def test_normals_of_another_length_have_a_way_out() -> None:
     """Also where some of them are 0, and of four channels."""
     longer = np.rint(OBLIQUE * 127).astype(np.int8)

@@ -337,6 +337,11 @@ def light_plane(
     advice = ", ".join(f"{name} / {2**bits - 1} makes the top code of {bits} bits 1" for bits in all_bits)
     if full > 1 and largest == 1:
         _doubts.warn(f"{name} has integers, the largest is 1 of {full}; if they are 0 and 1, {name} / 1 makes 1 mean 1")
+    elif full == 65535 and image.dtype == given.dtype and _doubts.look_swapped(image):
+        _doubts.warn(
+            f"{name} looks as if its bytes were swapped: in the other order its numbers lie close "
+            f"together; if so, give {name}.byteswap()"
+        )
     elif full == 0 and largest > 1:
         _doubts.warn(
             f"{name} has integers of type {given.dtype}, which tells no full scale; they are taken as they are. "

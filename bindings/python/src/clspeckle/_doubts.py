@@ -211,6 +211,22 @@ def of_frames_behind(shape: tuple[int, ...], name: str) -> None:
         )
 
 
+def look_swapped(words: npt.NDArray[np.uint16]) -> bool:
+    """Whether codes lie three times as close in the other order of bytes, by their middle half; the program's rule."""
+
+    def middle(numbers: npt.NDArray[np.uint16]) -> int:
+        return int(numbers[3 * numbers.size // 4]) - int(numbers[numbers.size // 4])
+
+    numbers = np.unique(_some(words))
+    if numbers.size < 16:
+        return False
+    other = np.unique(numbers.byteswap())
+    lower = numbers & 255
+    # Codes of 8 bits that were multiplied by 256, with or without an offset.
+    shifted = lower[0] >= 64 and bool((lower == lower[0]).all())
+    return middle(numbers) >= 3 * middle(other) and not shifted and int(other[-1]) > 255
+
+
 def of_albedo(albedo: npt.NDArray[np.float32], name: str) -> None:
     """Albedos above 1, which give more light than there is."""
     largest = float(albedo.max())
