@@ -82,7 +82,8 @@ using Names = std::vector<std::string>;
 struct ScenePlane {
     Role role;
     const char *option;
-    Names own; ///< What its channels are called in scenes.
+    Names own;           ///< What its channels are called in scenes.
+    bool by_rule = true; ///< So may others that the option would take.
 };
 
 const ScenePlane depth_plane{Role::depth, "depth", {"Z"}};
@@ -91,8 +92,9 @@ const ScenePlane position_plane{Role::position, "position", {"P.X", "P.Y", "P.Z"
 const ScenePlane surface_planes[] = {{Role::normal, "normal", {"N.X", "N.Y", "N.Z"}},
                                      {Role::albedo, "albedo", {"albedo"}},
                                      {Role::visibility, "visibility", {"visibility"}},
-                                     {Role::mask, "refresh-mask", {"refresh"}},
-                                     {Role::material, "material", {"material"}}};
+                                     // Renderers have masks of what is there, and ids of their own.
+                                     {Role::mask, "refresh-mask", {"refresh"}, false},
+                                     {Role::material, "material", {"material"}, false}};
 const Names motion_channels = {"motion.X", "motion.Y"};
 
 bool contains(const Names &names, const std::string &name) {
@@ -114,6 +116,8 @@ bool has_own(const ChannelFile &file, const ScenePlane &plane) {
 Names channels_of(const ChannelFile &file, const ScenePlane &plane) {
     if (has_own(file, plane))
         return plane.own;
+    if (!plane.by_rule)
+        return {};
     if (plane.own.size() > 1 && has_any(file, plane.own))
         throw InputError(fmt::format("{}: has only some of the channels {}, {} and {}", file.path(), plane.own[0],
                                      plane.own[1], plane.own[2]));

@@ -93,6 +93,17 @@ def test_a_scene_in_one_file_has_the_rule_of_the_planes(ok, scene: Path, planes:
     np.testing.assert_array_equal(rendered(ok, scene, "all.exr", *CAMERA), rendered(ok, scene, *one_by_one, *CAMERA))
 
 
+def test_masks_and_ids_of_a_renderer_are_none_of_a_scene(ok, scene: Path) -> None:
+    """What is there, and which material: neither says where speckle is new, nor what a surface is made of."""
+    channels = {"Z": depth(), "mask": np.ones_like(depth()), "IndexMA.V": np.full_like(depth(), 700)}
+    images.exr(scene / "all.exr", channels)
+    command = [*CAMERA, *PATTERN, *LASER, "--frames", 2, "--format", "npy", "--no-preview", "--exposure-gain", 30000]
+    ok("render", "all.exr", "-o", "one", *command)
+    ok("render", "--depth", "z.npy", "-o", "two", *command)
+    for name in ("frame_000000.npy", "frame_000001.npy"):
+        np.testing.assert_array_equal(np.load(scene / "one" / name), np.load(scene / "two" / name))
+
+
 def test_positions_of_a_scene_are_found_by_their_layer(ok, scene: Path) -> None:
     images.exr(scene / "all.exr", {**vector("Position", position(), "xyz"), **vector("Normal", normal())})
     one_by_one = options(position="p.npy", normal="n.npy")
