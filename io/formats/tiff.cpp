@@ -178,11 +178,9 @@ class TiffReader final : public Reader {
         info_.height = layout.height;
         info_.channels = layout.colors > 0 ? layout.colors : layout.channels;
         info_.alpha = layout.alpha;
-        if (layout.alpha && !layout.is_opacity_told && request.channel.empty())
-            fail(fmt::format("does not say what the last of its {0} samples for each pixel is (tag ExtraSamples): "
-                             "opacity, or a channel of its own. Name one behind the file's name: {1}:{2}, or the last, "
-                             "{1}:A",
-                             layout.channels, path_, layout.channels == 2 ? "Y" : "R,G,B"));
+        // A vector's fourth number is none of its own.
+        const bool vector = request.role == Role::position || request.role == Role::normal;
+        is_last_unexplained_ = layout.alpha && !layout.is_opacity_told && request.channel.empty() && !vector;
         info_.sample = layout.sample();
         info_.full_scale = layout.full_scale();
         info_.lossy = is_lossy(layout.compression);
@@ -221,6 +219,27 @@ class TiffReader final : public Reader {
     }
 
     void read_rows(std::uint64_t frame, const RowSink &sink) override {
+        if (!is_last_unexplained_)
+            return read_all(frame, sink);
+        read_all(frame, [&](const float *row) {
+            check_last(row);
+            sink(row);
+        });
+    }
+
+  private:
+    /** Some programs say nothing of opacity. Where it is not full it may be another channel. */
+    void check_last(const float *row) const {
+        const double opaque = info_.full_scale > 0 ? info_.full_scale : 1.0;
+        for (std::uint32_t x = 0; x < info_.width; ++x)
+            if (row[(x + 1) * std::size_t{info_.channels} - 1] != opaque)
+                fail(fmt::format("does not say what the last of its {0} samples for each pixel is (tag ExtraSamples): "
+                                 "opacity, or a channel of its own. Name one behind the file's name: {1}:{2}, or the "
+                                 "last, {1}:A",
+                                 info_.channels, path_, info_.channels == 2 ? "Y" : "R,G,B"));
+    }
+
+    void read_all(std::uint64_t frame, const RowSink &sink) {
         messages_.first_error.clear();
         if (stack_.images > 0)
             return read_of_stack(first_of_stack_ + frame, sink);
@@ -235,7 +254,6 @@ class TiffReader final : public Reader {
             read_bands(layout, sink, layout.width, strip_height(layout), TIFFStripSize64(tiff_.get()));
     }
 
-  private:
     [[noreturn]] void broken(const std::string &what) const {
         fail(messages_.first_error.empty() ? what : fmt::format("{}: {}", what, messages_.first_error));
     }
@@ -866,6 +884,7 @@ class TiffReader final : public Reader {
     std::vector<Page> pages_;
     std::vector<Page> frames_;
     unsigned bits_ = 0;
+    bool is_last_unexplained_ = false; ///< Of the samples.
     std::optional<Calibration> calibration_;
     Stack stack_; ///< None: images is 0.
     Layout stack_layout_;

@@ -429,8 +429,19 @@ def test_a_sample_that_a_tiff_file_does_not_explain_is_no_opacity(ok, refused, s
     for name, plane in zip(advised.groups(), (COLORS["R"], COLORS["B"]), strict=True):
         assert ok("render", name, "-o", "out", "--save-ideal", "--no-preview").err == ""
         np.testing.assert_array_equal(np.load(scene / "out" / "ideal_000000.npy"), plane)
+    # OpenCV says nothing of an opacity, which is full.
+    tifffile.imwrite(scene / "two.tif", np.stack([*planes[:-1], np.ones_like(planes[0])], -1), extrasamples=[0], **kind)
+    assert ok("render", "two.tif", "-o", "out", "--save-ideal", "--no-preview").err == ""
+    np.testing.assert_array_equal(np.load(scene / "out" / "ideal_000000.npy"), COLORS["R"])
     tifffile.imwrite(scene / "two.tif", np.stack(planes, -1), extrasamples=[2], **kind)
     assert "opacity channel is ignored" in ok("render", "two.tif", "-o", "out").err
+
+
+def test_a_fourth_number_of_vectors_is_left_out(ok, scene: Path) -> None:
+    four = np.dstack([position(), np.zeros_like(depth())]).astype(np.float32)
+    tifffile.imwrite(scene / "four.tif", four, photometric="rgb", extrasamples=[0])
+    given, expected = (rendered(ok, scene, *options(position=name)) for name in ("four.tif", "p.npy"))
+    np.testing.assert_array_equal(given, expected)
 
 
 def test_masks_and_patterns_are_named_likewise(ok, refused, scene: Path) -> None:
