@@ -306,7 +306,7 @@ class ChannelSceneInput final : public Input {
             settle_depth(data.depth, file.path(), config_, warnings);
         scale_position(data.position, config_);
         if (!data.albedo.empty())
-            check_albedo(data.albedo, file.path(), light_choice(config_), warnings);
+            check_albedo(data.albedo, file.path(), "", light_choice(config_), warnings);
         check_visibility(data.visibility, file.path(), "", "");
         if (!refresh.empty())
             data.refresh = to_mask(refresh, file.path(), warnings);

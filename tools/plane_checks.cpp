@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <sstream>
 
 namespace tools {
 
@@ -31,25 +33,59 @@ bool is_position(const float *p) {
     return near(p[0]) && near(p[1]) && near(p[2]) && (p[0] != 0 || p[1] != 0 || p[2] != 0);
 }
 
-/** The file's name, with the number that means 1. */
+constexpr char full_scale_key[] = "full_scale=";
+
+/** The file's name, with the number that means 1 in place of what is named there. */
 std::string with_full_scale(const std::string &file, double top) {
     const auto [path, channel] = image_io::split_name(file);
-    return fmt::format("{}:full_scale={}{}", path, top, channel.empty() ? "" : "," + channel);
+    std::string name = fmt::format("{}:{}{}", path, full_scale_key, top);
+    std::istringstream parts(channel);
+    for (std::string part; std::getline(parts, part, ',');)
+        if (part.rfind(full_scale_key, 0) != 0)
+            name += "," + part;
+    return name;
 }
 
-/** Whether all are whole numbers of 8 bits. */
-bool are_codes(const Plane &plane) {
-    return std::all_of(plane.values.begin(), plane.values.end(),
-                       [](float v) { return v >= 0.0f && v <= 255.0f && v == std::floor(v); });
+/** The number that a file's name says means 1. */
+double named_full_scale(const std::string &file) {
+    std::istringstream parts(image_io::split_name(file).channel);
+    for (std::string part; std::getline(parts, part, ',');)
+        if (part.rfind(full_scale_key, 0) == 0)
+            return std::strtod(part.c_str() + sizeof(full_scale_key) - 1, nullptr);
+    return 1;
 }
 
-/** What numbers above 1 may be parts of: 100, or the top code of whole bits. */
-double likely_top(const Plane &plane) {
-    const double largest = *std::max_element(plane.values.begin(), plane.values.end());
+/** How parts of light that are above 1 come below it; empty: none are. Numbers of another scale are divided: cutting
+ * would make all of them 1. Those of which few are above 1, or all by little, are cut.
+ * @param file what an option may follow; empty: none. */
+std::string way_to_parts(const Plane &plane, const char *what, const std::string &file) {
+    const double given = file.empty() ? 1 : named_full_scale(file);
+    double largest = 0;
+    std::size_t above = 0, lit = 0;
+    bool whole = true;
+    for (const float value : plane.values)
+        if (std::isfinite(value)) {
+            const double stored = value * given;
+            largest = std::max(largest, stored);
+            whole = whole && stored == std::floor(stored);
+            above += value > 1;
+            lit += value > 0;
+        }
+    if (above == 0)
+        return "";
+    // Filters of renderers go a little beyond the top; a quarter of it is what dark scenes have.
+    constexpr double beyond = 1.02, percent = 100;
     double top = 255;
-    while (top < largest)
-        top = 2 * top + 1;
-    return largest <= 100 ? 100 : top;
+    if (whole ? largest == percent : largest <= beyond * percent)
+        top = percent;
+    while (top < largest && (whole || beyond * top < largest))
+        top = 4 * top + 3;
+    if (2 * above <= lit || !(whole || 4 * largest > top))
+        return fmt::format("save numpy.minimum({}, 1), which cuts them at 1", what);
+    if (largest > top)
+        return fmt::format("save numpy.minimum({0} / {1}, 1), if {1} stands for 1", what, top);
+    return file.empty() ? fmt::format("save {0} / {1}, if {1} stands for 1", what, top)
+                        : fmt::format("if {} stands for 1, {} divides them", top, with_full_scale(file, top));
 }
 
 /** Whether a normal's numbers of -1 to 1 were made colors of 0 to top. */
@@ -188,28 +224,19 @@ void check_values(const Plane &plane, const std::string &path, const char *what,
 void check_visibility(const Plane &plane, const std::string &name, const std::string &file, const std::string &advice) {
     if (plane.empty())
         return;
-    const bool above = *std::max_element(plane.values.begin(), plane.values.end()) > 1;
     const std::string out =
-        !advice.empty()     ? advice + " divides its whole numbers"
-        : !above            ? ""
-        : !are_codes(plane) ? "save numpy.minimum(visibility, 1), which cuts them at 1"
-        : file.empty()      ? "save visibility / 255, if these are codes of 8 bits"
-                            : fmt::format("if these are codes of 8 bits, {} divides them", with_full_scale(file, 255));
+        advice.empty() ? way_to_parts(plane, "visibility", file) : advice + " divides its whole numbers";
     check_values(plane, name, "visibility", 1.0, out);
 }
 
-void check_albedo(Plane &plane, const std::string &name, LightChoice choice, std::vector<std::string> &warnings) {
+void check_albedo(Plane &plane, const std::string &name, const std::string &file, LightChoice choice,
+                  std::vector<std::string> &warnings) {
     check_light(plane, name, "albedo", choice, warnings);
     const auto above = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 1.0f; });
-    const auto lit = std::count_if(plane.values.begin(), plane.values.end(), [](float v) { return v > 0.0f; });
     if (above > 0)
         warnings.push_back(fmt::format("{}: {} pixels have an albedo above 1, so that more light leaves the surface "
-                                       "than falls on it; save {}",
-                                       name, above,
-                                       are_codes(plane) ? "albedo / 255, if these are codes of 8 bits"
-                                       : 2 * above > lit
-                                           ? fmt::format("albedo / {0}, if {0} stands for 1", likely_top(plane))
-                                           : "numpy.minimum(albedo, 1), which cuts them at 1"));
+                                       "than falls on it; {}",
+                                       name, above, way_to_parts(plane, "albedo", file)));
 }
 
 void settle_depth(Plane &plane, const std::string &name, const Config &config, std::vector<std::string> &warnings) {

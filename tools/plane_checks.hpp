@@ -41,10 +41,11 @@ void check_values(const image_io::Plane &plane, const std::string &path, const c
 /** Of whole numbers the unit must be told. @param automatic it is not. */
 void check_unit(const std::string &sample, bool automatic, const char *what, const std::string &name);
 
-void check_albedo(image_io::Plane &plane, const std::string &name, LightChoice choice,
+/** @param file the plane's name, which an option may follow; empty: a file of several planes. */
+void check_albedo(image_io::Plane &plane, const std::string &name, const std::string &file, LightChoice choice,
                   std::vector<std::string> &warnings);
 
-/** @param file the plane's name, which an option may follow; empty: a file of several planes.
+/** @param file as check_albedo() takes it.
  * @param advice what gives whole numbers a full scale. */
 void check_visibility(const image_io::Plane &plane, const std::string &name, const std::string &file,
                       const std::string &advice);

@@ -145,7 +145,7 @@ void Planes::read(std::uint64_t frame, FrameData &data, std::vector<std::string>
         const std::string advice = check_full_scale(plane, file, series.first_path(), warnings);
         plane.normalize();
         if (name == "albedo") {
-            check_albedo(plane, file, choice_, warnings);
+            check_albedo(plane, file, series.first_path(), choice_, warnings);
             data.albedo = std::move(plane);
         } else {
             check_visibility(plane, file, series.first_path(), advice);

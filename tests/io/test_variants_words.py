@@ -320,7 +320,9 @@ def test_the_color_space_of_exif_data_in_a_tiff_file(tmp_path: Path, order: str)
     # What cannot be read says nothing.
     for place in (10**6, 2**32 - 2, 0):
         (tmp_path / "a.tif").write_bytes(exif_tiff(1, order, place))
-        Dump(tmp_path / "a.tif").check(noise((41, 23)), 255)
+        given = Dump(tmp_path / "a.tif")
+        given.check(noise((41, 23)), 255)
+        assert given.transfer == "linear"
 
 
 def test_exif_data_that_cannot_be_read_are_told(tmp_path: Path) -> None:

@@ -308,29 +308,56 @@ def test_zeros_and_ones_as_integers(cli, ok, scene: Path, kind: type) -> None:
     assert advice and cli(*command, "--visibility", advice[1]).err == ""
 
 
-def test_albedos_and_visibilities_of_another_scale(ok, refused, scene: Path) -> None:
-    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
-    for top in (100, 255, 1023):
-        np.save(scene / "scaled.npy", albedo() * top)
-        told = ok(*command, "--albedo", "scaled.npy").err
-        advice = re.search(r"save (albedo / \d+), if (\d+) stands for 1", told)
-        assert advice and int(advice[2]) == top
-        np.save(scene / "again.npy", eval(advice[1], {"albedo": np.load(scene / "scaled.npy")}))
-        assert ok(*command, "--albedo", "again.npy").err == ""
-    np.save(scene / "codes.npy", np.where(visibility() > 0.5, 255, 0).astype(np.float32))
-    advice = re.search(
-        r"if these are codes of 8 bits, (\S+) divides them", refused(*command, "--visibility", "codes.npy")
-    )
-    assert advice and ok(*command, "--visibility", advice[1]).err == ""
-    images.exr(scene / "codes.exr", {"Z": depth(), "visibility": np.load(scene / "codes.npy")})
-    message = refused(*[word for word in command if word not in ("--depth", "z.npy")], "codes.exr")
-    assert "save visibility / 255, if these are codes of 8 bits" in message
-    above = np.load(scene / "codes.npy") / 250
-    np.save(scene / "above.npy", above)
-    advice = re.search(r"save (numpy\.minimum\(visibility, 1\))", refused(*command, "--visibility", "above.npy"))
-    assert advice
-    np.save(scene / "again.npy", eval(advice[1], {"visibility": above, "numpy": np}))
-    assert ok(*command, "--visibility", "again.npy").err == ""
+LARGEST_AND_TOP = [(80.0, 100), (100.0, 100), (200.0, 255), (255.5, 255), (300.0, 1023), (1023.0, 1023),
+                   (65535.0, 65535)]  # fmt: skip
+
+
+def of_another_scale(told: str, plane: str) -> re.Match[str] | None:
+    """What is advised, and the number that stands for 1."""
+    named = re.search(r"if (?P<top>\d+) stands for 1, (?P<name>\S+) divides them", told)
+    return named or re.search(rf"save (?P<save>.*{plane} / \d+.*), if (?P<top>\d+) stands for 1", told)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize(("largest", "top"), LARGEST_AND_TOP)
+@pytest.mark.parametrize("plane", ["albedo", "visibility"])
+def test_planes_of_another_scale_are_divided(cli, ok, scene: Path, plane: str, largest, top, whole: bool) -> None:
+    """Cutting would make all of them 1. Whole numbers need bits, but 100, where it is the largest."""
+    if whole:
+        largest, top = (float(top), top) if largest == 255.5 else (largest, 255 if largest == 80 else top)
+    scaled = np.linspace(0, largest, depth().size, dtype=np.float32).reshape(depth().shape)
+    scaled = np.floor(scaled) if whole else scaled
+    np.save(scene / "scaled.npy", scaled)
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000,
+               f"--{plane}"]  # fmt: skip
+    expected = np.minimum(scaled / np.float32(top), 1)
+    for name in ("scaled.npy", "scaled.npy:full_scale=1"):
+        advice = of_another_scale(cli(*command, name).err, plane)
+        assert advice and int(advice["top"]) == top
+        named = advice.groupdict().get("name")
+        if named is None:
+            np.save(scene / "again.npy", eval(advice["save"], {plane: scaled, "numpy": np}))
+            np.testing.assert_array_equal(np.load(scene / "again.npy"), expected)
+        assert named in (None, f"scaled.npy:full_scale={top}")
+        assert ok(*command, named or "again.npy").err == ""
+    images.exr(scene / "scaled.exr", {"Z": depth(), plane: scaled})
+    advice = of_another_scale(cli(*[w for w in command[:-1] if w not in ("--depth", "z.npy")], "scaled.exr").err, plane)
+    assert advice and int(advice["top"]) == top
+    np.testing.assert_array_equal(eval(advice["save"], {plane: scaled, "numpy": np}), expected)
+
+
+@pytest.mark.parametrize("plane", ["albedo", "visibility"])
+def test_planes_that_are_little_or_seldom_above_one_are_cut(cli, ok, scene: Path, plane: str) -> None:
+    command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000,
+               f"--{plane}", "above.npy"]  # fmt: skip
+    few, all_by_little = visibility().astype(np.float32), 1.05 + 0.25 * visibility().astype(np.float32)
+    few[2, 3:6] = 90
+    for above in (few, all_by_little):
+        np.save(scene / "above.npy", above)
+        advice = re.search(rf"save (numpy\.minimum\({plane}, 1\)), which cuts", cli(*command).err)
+        assert advice
+        np.save(scene / "above.npy", eval(advice[1], {plane: above, "numpy": np}))
+        assert ok(*command).err == ""
 
 
 @pytest.mark.parametrize("plane", ["albedo", "visibility"])

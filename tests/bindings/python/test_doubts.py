@@ -342,9 +342,11 @@ def test_what_the_program_advises_of_planes_helps(tmp_path: Path, kind: str, fou
     files = ["--depth", "depth.npy", f"--{plane}", f"{plane}.npy"]
     given: dict[str, Array] = {"depth": DEPTH, "texels": TEXELS, plane: array.astype(np.float32)}
     told = of_program(tmp_path, *files, *SCENE, *CAMERA, **given)
-    advice = re.search(
-        r"save ((?:2 \* )?(?:normals\[|albedo /|numpy\.minimum\().*?)(?:,? (?:if|which) .*)?$", told, re.M
-    )
+    advice = re.search(r"save ((?:2 \* )?(?:normals\[|numpy\.minimum\().*?)(?:,? (?:if|which) .*)?$", told, re.M)
+    if named := re.search(r"if 255 stands for 1, (\S+) divides them", told):
+        files[-1] = named[1]
+        assert of_program(tmp_path, *files, *SCENE, *CAMERA, **given) == ""
+        return
     assert advice, told
     given[plane] = np.asarray(eval(advice[1], {"numpy": np, "normals": given[plane], "albedo": given[plane]}))
     assert of_program(tmp_path, *files, *SCENE, *CAMERA, **given) == ""
@@ -375,15 +377,34 @@ def test_normals_count_where_positions_are(tmp_path: Path, nothing: float) -> No
     assert "not of unit length" in of_program(tmp_path, *files, *SCENE, normal=normal, **planes)
 
 
-def test_an_albedo_above_one_is_no_code() -> None:
-    for albedo, words in ((1.5 * RAMP / RAMP.max(), r"(np\.minimum\(albedo, 1\)) cuts"),
-                          (RAMP / RAMP.max() * 80, r"(albedo / 100) does not, if 100 stands for 1"),
-                          (RAMP / RAMP.max() * 900, r"(albedo / 1023) does not, if 1023 stands for 1"),
-                          (np.rint(RAMP * 255), r"(albedo / 255) brings codes")):  # fmt: skip
-        told = of_geometry(albedo=albedo)
-        advice = re.search(words, told[0])
-        assert advice
-        assert of_geometry(albedo=eval(advice[1], {"albedo": albedo, "np": np})) == []
+SEEN = RAMP / RAMP.max()
+
+
+@pytest.mark.parametrize("plane", ["albedo", "visibility"])
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (1.5 * SEEN, "np.minimum({}, 1)"),
+        (1.05 + 0.25 * SEEN, "np.minimum({}, 1)"),
+        (80 * SEEN, "{} / 100"),
+        (255.5 * SEEN, "np.minimum({} / 255, 1)"),
+        (900 * SEEN, "{} / 1023"),
+        (np.rint(255 * SEEN), "{} / 255"),
+        (np.rint(1023 * SEEN), "{} / 1023"),
+        (np.rint(65535 * SEEN), "{} / 65535"),
+    ],
+)
+def test_numbers_above_one_are_divided_where_cutting_makes_all_one(plane: str, array: Array, words: str) -> None:
+    array = array.astype(np.float32)
+    if plane == "visibility":
+        with pytest.raises(clspeckle.errors.InvalidDataError) as refused:
+            of_geometry(visibility=array)
+        told = str(refused.value)
+    else:
+        told = of_geometry(albedo=array)[0]
+    advice = words.format(plane)
+    assert f"; {advice} " in told
+    assert of_geometry(**{plane: eval(advice, {plane: array, "np": np})}) == []
 
 
 def test_zeros_and_ones_as_integers(tmp_path: Path) -> None:

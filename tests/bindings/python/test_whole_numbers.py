@@ -133,7 +133,7 @@ def test_planes_of_a_scene() -> None:
     np.testing.assert_array_equal(ideal(visibility=ones), ideal())
     with (
         pytest.warns(UserWarning, match="tells no full scale") as doubts,
-        pytest.raises(clspeckle.errors.InvalidDataError, match=r"values from 0 to 1; .*visibility / 255 brings codes"),
+        pytest.raises(clspeckle.errors.InvalidDataError, match=r"values from 0 to 1; .*visibility / 255 brings them"),
     ):
         ideal(visibility=CODES.astype(np.int32))
     assert len(doubts) == 1

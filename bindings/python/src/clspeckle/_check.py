@@ -305,8 +305,7 @@ def within(image: npt.NDArray[np.float32], name: str, low: float = 0.0, high: fl
     value = image[np.unravel_index(int(np.argmax(bad)), bad.shape)]
     advice = ""
     if high == 1.0 and low <= smallest and largest < math.inf:
-        codes = largest <= 255 and bool((image == np.floor(image)).all())
-        advice = f"; {name} / 255 brings codes of 8 bits there" if codes else f"; np.minimum({name}, 1) cuts them at 1"
+        advice = f"; {_doubts.way_to_parts(image, name)}"
     elif (image < low).any() and low == 0.0:
         advice = f"; np.maximum({name}, 0) sets negative numbers to 0"
     if not np.isfinite(image).all():

@@ -227,22 +227,29 @@ def look_swapped(words: npt.NDArray[np.uint16]) -> bool:
     return middle(numbers) >= 3 * middle(other) and not shifted and int(other[-1]) > 255
 
 
+def way_to_parts(image: npt.NDArray[np.float32], name: str) -> str:
+    """How parts of light that are above 1 come below it; the program's rule."""
+    largest = float(image.max())
+    whole = bool((image == np.floor(image)).all())
+    # Filters of renderers go a little beyond the top; a quarter of it is what dark scenes have.
+    beyond, percent = 1.02, 100
+    top = percent if (largest == percent if whole else largest <= beyond * percent) else 255
+    while top < largest and (whole or beyond * top < largest):
+        top = 4 * top + 3
+    most = 2 * np.count_nonzero(image > 1) > np.count_nonzero(image > 0)
+    if not (most and (whole or 4 * largest > top)):
+        return f"np.minimum({name}, 1) cuts them at 1"
+    divided = f"np.minimum({name} / {top}, 1)" if largest > top else f"{name} / {top}"
+    return f"{divided} brings them there, if {top} stands for 1"
+
+
 def of_albedo(albedo: npt.NDArray[np.float32], name: str) -> None:
     """Albedos above 1, which give more light than there is."""
-    largest = float(albedo.max())
-    if largest > 1.0:
-        codes = largest <= 255 and bool((albedo == np.floor(albedo)).all())
-        # Where most are, their scale is another one.
-        most = 2 * np.count_nonzero(albedo > 1) > np.count_nonzero(albedo > 0)
-        top = 100 if largest <= 100 else 2 ** max(8, math.ceil(math.log2(largest + 1))) - 1
-        advice = (
-            f"{name} / 255 brings codes of 8 bits there"
-            if codes
-            else f"{name} / {top} does not, if {top} stands for 1"
-            if most
-            else f"np.minimum({name}, 1) cuts them at 1"
+    if albedo.max() > 1:
+        warn(
+            f"{name} is above 1 somewhere, so that more light leaves the surface than falls on it; "
+            f"{way_to_parts(albedo, name)}"
         )
-        warn(f"{name} is above 1 somewhere, so that more light leaves the surface than falls on it; {advice}")
 
 
 @dataclasses.dataclass(frozen=True)
