@@ -39,8 +39,8 @@ class IdealInput final : public Input {
     FrameData read(std::uint64_t frame, std::vector<std::string> &warnings) override {
         FrameData data;
         if (has_depth_ && frame == 0)
-            warnings.push_back(fmt::format("{0}: holds a picture and a depth, and is taken as an ideal image; name it "
-                                           "with --depth {0} to make a scene of it, which needs a --pattern",
+            warnings.push_back(fmt::format("{}: holds a picture and a depth or positions, and is taken as an ideal "
+                                           "image; --pattern IMAGE makes a scene of all its planes",
                                            series_.first_path()));
         data.name = series_.name(frame);
         data.irradiance = series_.gray(frame, warnings);
@@ -112,8 +112,9 @@ bool has_own(const ChannelFile &file, const ScenePlane &plane) {
     return has_all(file, plane.own) && !(plane.role == Role::depth && has_all(file, {"X", "Y"}));
 }
 
-/** The channels of a plane, by the names of scenes, else by the rule for the plane's option; none: it is not there. */
-Names channels_of(const ChannelFile &file, const ScenePlane &plane) {
+/** The channels of a plane, by the names of scenes, else by the rule for the plane's option; none: it is not there.
+ * @param files of the scene, one for each frame. */
+Names channels_of(const ChannelFile &file, const ScenePlane &plane, std::size_t files) {
     if (has_own(file, plane))
         return plane.own;
     if (!plane.by_rule)
@@ -127,6 +128,11 @@ Names channels_of(const ChannelFile &file, const ScenePlane &plane) {
     std::vector<std::string> listed;
     for (const Names &one : named)
         listed.push_back(fmt::format("{}", fmt::join(one, ",")));
+    // An option's file is that of all frames.
+    if (files > 1)
+        throw InputError(fmt::format("{}: several of its channels may be the {}: {}; save those that are meant as {}, "
+                                     "in the file of each frame",
+                                     file.path(), plane.option, fmt::join(listed, "; "), fmt::join(plane.own, ",")));
     const bool geometry = plane.role == Role::depth || plane.role == Role::position;
     throw InputError(fmt::format("{0}: several of its channels may be the {1}: {2}; name one{4}: --{1} {0}:{3}",
                                  file.path(), plane.option, fmt::join(listed, "; "), listed.front(),
@@ -134,7 +140,7 @@ Names channels_of(const ChannelFile &file, const ScenePlane &plane) {
 }
 
 /** What a file with named channels is as an input. */
-enum class Holds { image, scene, picture_with_depth, picture_with_depth_layer };
+enum class Holds { image, scene, picture_with_depth };
 
 Holds held(const std::string &name) {
     const auto [path, channel] = image_io::split_name(name);
@@ -142,12 +148,11 @@ Holds held(const std::string &name) {
     if (!file)
         return Holds::image;
     const auto named = [&](Role role) { return !image_io::named_channels(file->channels(), role).empty(); };
+    if (!has_own(*file, depth_plane) && !has_any(*file, position_plane.own) && !named(Role::depth) &&
+        !named(Role::position))
+        return Holds::image;
+    // Renderers add their planes to a picture. The names of scenes are given by who makes a scene.
     const bool picture = image_io::has_picture(file->channels());
-    if (!has_own(*file, depth_plane) && !has_any(*file, position_plane.own)) {
-        if (picture)
-            return named(Role::depth) ? Holds::picture_with_depth_layer : Holds::image;
-        return named(Role::depth) || named(Role::position) ? Holds::scene : Holds::image;
-    }
     bool scene = !picture || has_any(*file, position_plane.own) || has_any(*file, motion_channels);
     for (const ScenePlane &plane : surface_planes)
         scene = scene || has_any(*file, plane.own);
@@ -218,8 +223,8 @@ class ChannelSceneInput final : public Input {
         if (rigid_ && !has_motion_ && frame > 0)
             data.previous_from_current = transforms(frame);
         // Positions need no camera model, so they are preferred where a file has both.
-        const Names position = channels_of(file, position_plane);
-        const Names depth = position.empty() ? channels_of(file, depth_plane) : Names{};
+        const Names position = channels_of(file, position_plane, files_.size());
+        const Names depth = position.empty() ? channels_of(file, depth_plane, files_.size()) : Names{};
         Names names;
         std::vector<VectorPlane *> vectors;
         const auto add_vector = [&](const Names &of, VectorPlane &plane) {
@@ -251,11 +256,11 @@ class ChannelSceneInput final : public Input {
         add_vector(position, data.position);
         for (const ScenePlane &plane : surface_planes)
             if (plane.role == Role::normal && !planes_.has(plane.option))
-                add_vector(channels_of(file, plane), data.normal);
+                add_vector(channels_of(file, plane, files_.size()), data.normal);
         add("depth", depth, data.depth);
         for (const ScenePlane &plane : surface_planes)
             if (plane.role != Role::normal && !planes_.has(plane.option))
-                add(plane.option, channels_of(file, plane),
+                add(plane.option, channels_of(file, plane, files_.size()),
                     plane.role == Role::albedo       ? data.albedo
                     : plane.role == Role::visibility ? data.visibility
                     : plane.role == Role::mask       ? refresh
@@ -332,8 +337,9 @@ class ChannelSceneInput final : public Input {
                                          file.path(), files_.front()));
         for (const ScenePlane &plane : surface_planes)
             if (!planes_.has(plane.option))
-                (void)channels_of(file, plane);
-        if (channels_of(file, position_plane).empty() && channels_of(file, depth_plane).empty())
+                (void)channels_of(file, plane, files_.size());
+        if (channels_of(file, position_plane, files_.size()).empty() &&
+            channels_of(file, depth_plane, files_.size()).empty())
             throw InputError(fmt::format(
                 "{}: a scene needs the channel Z (depth in m) or P.X, P.Y, P.Z (position in m)", file.path()));
     }
@@ -417,7 +423,7 @@ std::unique_ptr<Input> open_kind(const InputPaths &paths, std::vector<std::strin
                 fmt::format("{}: one scene description is rendered at a time, {} are given", files[1], files.size()));
         SceneSequence sequence = read_sequence(files.front(), config);
         files = sequence.files;
-        if (const Holds holds = held(files.front()); holds == Holds::image || holds == Holds::picture_with_depth_layer)
+        if (held(files.front()) == Holds::image)
             throw InputError(fmt::format("{}: is not an {} file with the channel Z or P.X, P.Y, P.Z", files.front(),
                                          image_io::listed("or", &image_io::Format::has_named_channels)));
         return std::make_unique<ChannelSceneInput>(std::move(sequence), paths, config);

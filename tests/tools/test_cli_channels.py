@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from test_cli_scene import (
     position,
     rendered,
     scene,
+    sequence,
     visibility,
 )
 
@@ -122,6 +124,31 @@ def test_a_scene_in_which_several_planes_fit_is_refused_with_a_way_out(ok, refus
     advised = re.search(r"in place of the file, and the other planes likewise: (--depth) (\S+)", message)
     assert advised and advised[2] == "two.exr:a.Depth.Z"
     rendered(ok, scene, *advised.groups(), *CAMERA)
+
+
+def test_frames_in_which_several_planes_fit_are_refused_with_a_way_out(ok, refused, scene: Path) -> None:
+    """An option would give all frames the plane of one."""
+    planes = [{"normal": normal(), "albedo": albedo()}, {"normal": -normal(), "albedo": albedo() / 2}]
+    own = {"normal": "N.X,N.Y,N.Z", "albedo": "albedo"}
+    command = ["render", "q0.exr", "q1.exr", *CAMERA, *PATTERN, *LASER, "--exposure-gain", 30000, "--format", "npy",
+               "--no-preview", "-o"]  # fmt: skip
+    for plane in own:
+        for i, given in enumerate(planes):
+            layers = {"a.N": given["normal"], "b.N": normal()} if plane == "normal" else {}
+            channels = {name: value for layer, one in layers.items() for name, value in vector(layer, one).items()}
+            channels |= {} if layers else {"a.albedo": given["albedo"], "b.albedo": albedo()}
+            images.exr(scene / f"q{i}.exr", {"Z": depth(), **channels})
+        message = refused(*command, "refused")
+        advised = re.search(
+            rf"may be the {plane}: .*; save those that are meant as (\S+), in the file of each", message
+        )
+        assert advised and advised[1] == own[plane]
+        for i, given in enumerate(planes):
+            named = vector("N", given["normal"]) if plane == "normal" else {"albedo": given["albedo"]}
+            images.exr(scene / f"q{i}.exr", {"Z": depth(), **named, **vector("b.N", normal()), "b.albedo": albedo()})
+        ok(*command, plane)
+        frames = [np.load(scene / plane / f"frame_{i:06}.npy") for i in range(2)]
+        assert frames[1].mean() < 0.9 * frames[0].mean()
 
 
 def test_colors_in_a_scene_are_no_number(ok, refused, scene: Path) -> None:
@@ -335,7 +362,7 @@ def test_a_picture_with_depth_is_an_image_or_a_scene(ok, refused, scene: Path) -
     images.exr(scene / "beauty.exr", {**colors(), "A": np.ones_like(depth()), "Z": depth()})
     images.exr(scene / "colors.exr", colors())
     image = ok("render", "beauty.exr", "-o", "image", "--save-ideal", "--no-preview")
-    assert "taken as an ideal image; name it with --depth beauty.exr to make a scene of it" in image.err
+    assert "taken as an ideal image; --pattern IMAGE makes a scene of all its planes" in image.err
     ok("render", "colors.exr", "-o", "colors", "--save-ideal", "--no-preview")
     ideal = [np.load(scene / folder / "ideal_000000.npy") for folder in ("image", "colors")]
     np.testing.assert_array_equal(*ideal)
@@ -358,16 +385,34 @@ def test_a_picture_with_depth_is_an_image_or_a_scene(ok, refused, scene: Path) -
     assert "two channels are named" in refused("render", "beauty.exr:G", "--channel", "R", "-o", "out")
 
 
-def test_a_depth_in_a_layer_beside_a_picture_is_told(ok, scene: Path) -> None:
-    """As Blender names them."""
+@pytest.mark.parametrize(
+    "geometry",
+    [{"ViewLayer.Depth.Z": depth()}, {"Depth.V": depth()}, {"Z": depth()}, vector("Position", position()),
+     vector("View.Position", position(), "xyz")],
+    ids=lambda planes: next(iter(planes)),
+)  # fmt: skip
+def test_a_picture_with_any_named_geometry_is_told_how_it_is_a_scene(ok, scene: Path, geometry: dict) -> None:
+    """With all its planes; so is one of a sequence."""
     pictures = {f"ViewLayer.Combined.{name}": plane for name, plane in colors().items()}
-    images.exr(scene / "blender.exr", {**pictures, "ViewLayer.Depth.Z": depth()})
-    said = ok("render", "blender.exr", "-o", "image", "--save-ideal", "--no-preview").err
-    assert "holds a picture and a depth" in said and "name it with --depth blender.exr to make a scene of it" in said
-    expected = rendered(ok, scene, "--depth", "z.npy", *CAMERA)
-    np.testing.assert_array_equal(rendered(ok, scene, "--depth", "blender.exr", *CAMERA), expected)
+    planes = {**vector("ViewLayer.Normal", normal()), "ViewLayer.Albedo": albedo()}
+    images.exr(scene / "passes.exr", {**pictures, **planes, **geometry})
+    said = ok("render", "passes.exr", "-o", "image", "--no-preview").err
+    assert "holds a picture and a depth or positions, and is taken as an ideal image; --pattern IMAGE makes" in said
+    of = {"depth": "z.npy"} if len(geometry) == 1 else {"position": "p.npy"}
+    expected = rendered(ok, scene, *options(**of, normal="n.npy", albedo="a.npy"), *CAMERA)
+    np.testing.assert_array_equal(rendered(ok, scene, "passes.exr", *CAMERA), expected)
+    (scene / "sequence.json").write_text(json.dumps(sequence(frames=["passes.exr"])))
+    arguments = [*CAMERA, "--f-number", 4, "--pixel-pitch", 3e-6, "--wavelength", 8.5e-7]
+    np.testing.assert_array_equal(
+        rendered(ok, scene, "sequence.json", *CAMERA), rendered(ok, scene, "passes.exr", *arguments)
+    )
+
+
+def test_a_picture_without_a_named_geometry_is_an_image(ok, refused, scene: Path) -> None:
+    pictures = {f"ViewLayer.Combined.{name}": plane for name, plane in colors().items()}
     images.exr(scene / "mist.exr", {**pictures, "ViewLayer.Mist.Z": depth()})
     assert "depth" not in ok("render", "mist.exr", "-o", "mist", "--no-preview").err
+    assert "is an ideal image, which takes no --pattern" in refused("render", "mist.exr", *ARGUMENTS)
 
 
 def test_channel_is_of_an_ideal_image(refused, ok, scene: Path, expected: np.ndarray) -> None:
