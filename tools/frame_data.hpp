@@ -38,8 +38,9 @@ struct FrameData {
     image_io::VectorPlane normal;
     image_io::Plane albedo;
     image_io::Plane visibility;
-    std::vector<std::uint8_t> refresh;  ///< 1: new speckle.
-    std::vector<std::uint8_t> material; ///< Ids.
+    std::string albedo_name, visibility_name; ///< Of the files that they are of, for messages.
+    std::vector<std::uint8_t> refresh;        ///< 1: new speckle.
+    std::vector<std::uint8_t> material;       ///< Ids.
     std::vector<float> motion; ///< (x, y) for each pixel: where its point was in the frame before, minus where it is.
     std::vector<double> previous_from_current; ///< [R|t] since the frame before, one for each entry of the materials.
 };

@@ -219,7 +219,7 @@ class ChannelSceneInput final : public Input {
         const ChannelFile &file = *opened;
         check_header(file);
         FrameData data;
-        data.name = file.path();
+        data.name = data.albedo_name = data.visibility_name = file.path();
         if (rigid_ && !has_motion_ && frame > 0)
             data.previous_from_current = transforms(frame);
         // Positions need no camera model, so they are preferred where a file has both.

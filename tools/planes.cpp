@@ -147,9 +147,11 @@ void Planes::read(std::uint64_t frame, FrameData &data, std::vector<std::string>
         if (name == "albedo") {
             check_albedo(plane, file, series.first_path(), choice_, warnings);
             data.albedo = std::move(plane);
+            data.albedo_name = file;
         } else {
             check_visibility(plane, file, series.first_path(), advice);
             data.visibility = std::move(plane);
+            data.visibility_name = file;
         }
     }
     if (has("normal"))

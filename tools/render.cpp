@@ -676,9 +676,10 @@ class Renderer {
     std::string why_black(const FrameData &data) const {
         if (!black_plane_.empty())
             return black_plane_;
-        for (const auto &[what, plane] : {std::pair("albedo", &data.albedo), std::pair("visibility", &data.visibility)})
-            if (!plane->empty() && is_black(plane->values))
-                return black(fmt::format("the {}", what));
+        if (!data.albedo.empty() && is_black(data.albedo.values))
+            return black("the albedo " + data.albedo_name);
+        if (!data.visibility.empty() && is_black(data.visibility.values))
+            return black("the visibility " + data.visibility_name);
         return input_.scene
                    ? fmt::format("the ideal image is 0 everywhere: the pattern does not meet the scene{}. Check "
                                  "its pose and extent (--pattern-laser-from-geometry, "

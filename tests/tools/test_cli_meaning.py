@@ -365,9 +365,11 @@ def test_a_plane_without_light_is_the_cause(ok, scene: Path, plane: str) -> None
     images.exr(scene / "two.exr", {"unused": np.zeros_like(depth()), plane: np.ones_like(depth())})
     command = ["render", "--depth", "z.npy", *CAMERA, "-o", "out", *PATTERN, *LASER, "--exposure-gain", 30000]
     told = ok(*command, f"--{plane}", "two.exr:unused").err
-    assert f"the {plane} is 0 everywhere: it may be another channel or page than meant" in told
+    assert f"the {plane} two.exr:unused is 0 everywhere: it may be another channel or page than meant" in told
     assert "does not meet the scene" not in told
     assert ok(*command, f"--{plane}", f"two.exr:{plane}").err == ""
+    images.exr(scene / "all.exr", {"Z": depth(), plane: np.zeros_like(depth())})
+    assert f"the {plane} all.exr is 0 everywhere" in ok("render", "all.exr", *command[3:]).err
 
 
 def test_centimetres_as_metres_are_warned_of(ok, scene: Path) -> None:
