@@ -13,7 +13,7 @@ std::string frame_formats(const char *word) {
 namespace {
 
 std::string why_none_in(const Format &format) {
-    return fmt::format("is a {} file; expected an .npy stack, or {} frames{}", format.name, frame_formats("or"),
+    return fmt::format("is of the format {}; expected an .npy stack, or {} frames{}", format.name, frame_formats("or"),
                        format.no_codes_because.empty() ? "" : ": " + format.no_codes_because);
 }
 
@@ -58,7 +58,7 @@ std::string why_no_frame(const std::string &path) {
             return why_foreign(path);
         return format->codes == Codes::none
                    ? why_none_in(*format)
-                   : fmt::format("is a {} file; give it the ending {}", format->name, format->extension());
+                   : fmt::format("is of the format {}; give it the ending {}", format->name, format->extension());
     } catch (const ReadError &) {
         return ""; // an empty file, or a pipe
     }

@@ -338,11 +338,11 @@ def test_white_that_is_zero_is_told_as_the_check_tells_it(ok, refused, tmp_path:
 @pytest.mark.parametrize(
     ("name", "cause", "way_out"),
     [
-        ("flat.jpg", "is a JPEG file", "raw frames, PNG, TIFF or PGM, which keep them"),
+        ("flat.jpg", "is of the format JPEG", "raw frames, PNG, TIFF or PGM, which keep them"),
         ("flat.gif", "is a file of the format GIF, which is not read", "convert it to PNG, TIFF or NPY"),
         ("flat.webp", "is a file of the format WebP, which is not read", "convert it to PNG, TIFF or NPY"),
         ("flat.npz", "is an NPZ archive of arrays", 'numpy.save("codes.npy", numpy.load("set/flat.npz")["codes"])'),
-        ("flat.dat", "is a PNG file", "give it the ending .png"),
+        ("flat.dat", "is of the format PNG", "give it the ending .png"),
     ],
 )
 @pytest.mark.parametrize("place", ["beside", "alone", "folder"])

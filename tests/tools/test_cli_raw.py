@@ -127,7 +127,7 @@ def test_eight_bit_formats_hold_codes_and_jpeg_does_not(ok, refused, tmp_path: P
             assert ok("capture", "check", "set", "--json", "-").json()["sequences"][0]["frames"] == 6
             continue
         message = refused("capture", "check", "set")
-        assert "is a JPEG file" in message and "its compression changes codes" in message and "PNG" in message
+        assert "is of the format JPEG" in message and "its compression changes codes" in message and "PNG" in message
 
 
 def test_little_endian_pgm_files_of_a_capture(ok, refused, tmp_path: Path) -> None:
