@@ -261,19 +261,21 @@ std::vector<Mosaic> find_mosaic(const Map &map) {
     std::vector<double> columns(across), rows(down), in_columns(across), in_rows(down), columns_n(across), rows_n(down);
     Mosaic mosaic;
     double cells = 0.0;
-    for (std::uint32_t y = 0; y < down; ++y)
-        for (std::uint32_t x = 0; x < across; ++x) {
-            const std::size_t i = std::size_t{2 * y} * map.width + 2 * x;
-            const std::size_t sites[4] = {i, i + 1, i + map.width, i + map.width + 1};
-            if (!std::all_of(sites, sites + 4, [&](std::size_t s) { return map.counts(s); }))
+    // The last four sites are those of the next cells: a slope is no difference from both neighbours.
+    for (std::uint32_t y = 0; 2 * y + 2 < map.height; ++y)
+        for (std::uint32_t x = 0; 2 * x + 2 < map.width; ++x) {
+            const std::size_t i = std::size_t{2 * y} * map.width + 2 * x, below = i + map.width,
+                              next = below + map.width;
+            const std::size_t sites[8] = {i, i + 1, below, below + 1, i + 2, below + 2, next, next + 1};
+            if (!std::all_of(sites, sites + 8, [&](std::size_t s) { return map.counts(s); }))
                 continue;
-            double v[4];
-            for (int k = 0; k < 4; ++k) {
+            double v[8];
+            for (int k = 0; k < 8; ++k)
                 v[k] = map.mean[sites[k]];
-                mosaic.levels[std::size_t(k)] += v[k];
-            }
-            columns[x] += 0.5 * (v[1] + v[3] - v[0] - v[2]);
-            rows[y] += 0.5 * (v[2] + v[3] - v[0] - v[1]);
+            for (std::size_t k = 0; k < 4; ++k)
+                mosaic.levels[k] += v[k];
+            columns[x] += 0.5 * (v[1] + v[3] - 0.5 * (v[0] + v[2] + v[4] + v[5]));
+            rows[y] += 0.5 * (v[2] + v[3] - 0.5 * (v[0] + v[1] + v[6] + v[7]));
             in_columns[x] += 0.5 * (v[0] + v[3] - v[1] - v[2]);
             in_rows[y] += 0.5 * (v[0] + v[3] - v[1] - v[2]);
             ++columns_n[x];
@@ -334,8 +336,10 @@ PixelOddities find_oddities(const PixelSums &pixels) {
     const bool even = !is_laser(scene);
     if (scene != CaptureScene::kDark && (even || scene == CaptureScene::kBoard)) {
         result.mosaic = find_mosaic(map);
-        if (result.mosaic.empty())
-            result.mosaic = find_mosaic_of_blocks(map);
+        const std::vector<Mosaic> of_blocks = find_mosaic_of_blocks(map);
+        if (!of_blocks.empty() &&
+            (result.mosaic.empty() || of_blocks.front().contrast > result.mosaic.front().contrast))
+            result.mosaic = of_blocks;
     }
     if (even) {
         const std::vector<float> variances = counted(map, map.variance);

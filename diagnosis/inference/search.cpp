@@ -595,9 +595,8 @@ SearchState Search::first_state(double from, double to) {
 }
 
 void Search::finish(SearchState &state, const FittedModel &baseline) {
-    // Forms were chosen when other effects were missing.
-    const bool is_certain = state.models.empty() || (state.models.size() == 1 && is_explained(state));
-    if (!is_certain && fits_.may_go_on() && swap_forms(fits_, state, candidates_, state.progress) &&
+    // Forms were chosen when other effects were missing, and none says how near the others are.
+    if (!state.models.empty() && fits_.may_go_on() && swap_forms(fits_, state, candidates_, state.progress) &&
         !is_explained(state))
         grow_all(state, baseline, Until::kDone);
     for (int swaps = 0; swaps < kGrowth.most_swaps && state.models.size() > 1 && is_explained(state); ++swaps) {

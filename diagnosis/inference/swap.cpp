@@ -108,7 +108,8 @@ std::vector<Move> moves_of(const ModelFit &fits, const SearchState &state, bool 
             std::sort(moves.begin(), moves.end(), [](const Move &a, const Move &b) {
                 return a.gain != b.gain ? a.gain > b.gain : before(*a.candidate, *b.candidate);
             });
-            keep_one_of_each(moves, [](const Move &move) { return move.candidate->id; });
+            keep_one_of_each(moves,
+                             [](const Move &move) { return std::pair(move.candidate->id, move.candidate->form); });
             if (moves.size() > most)
                 moves.erase(moves.begin() + static_cast<std::ptrdiff_t>(most), moves.end());
         };
@@ -382,7 +383,11 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
     bool changed = false;
     for (std::size_t place = 0; place < state.model.effects.size(); ++place) {
         const Candidate &first = *state.model.effects[place].candidate;
-        state.other_forms.erase(first.id);
+        struct Tried {
+            double behind; // what it is worse by than the one that is taken
+            std::vector<double> values;
+        };
+        std::vector<Tried> tried;
         for (const Candidate *const other : candidates) {
             const Candidate &form = *other;
             if (form.id != first.id || form.form == first.form)
@@ -412,11 +417,10 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             const double gain = whole.score - fitted.score;
             const auto margin = [](const Candidate &of) { return of.form ? kFit.form_margin : 0.0; };
             const bool is_taken = gain >= margin(form) - margin(*state.model.effects[place].candidate);
-            std::vector<std::vector<double>> &as_likely = state.other_forms[form.id];
-            if (is_taken && gain >= kFit.form_margin)
-                as_likely.clear();
-            if (std::abs(gain) < kFit.form_margin)
-                as_likely.push_back((is_taken ? whole : fitted).effects[place].values);
+            const FittedModel &passed_over = is_taken ? whole : fitted;
+            for (Tried &one : tried)
+                one.behind += is_taken ? gain : 0.0;
+            tried.push_back({is_taken ? gain : -gain, passed_over.effects[place].values});
             if (!is_taken)
                 continue;
             for (RankedEffect &ranked : state.steps[place].ranking)
@@ -429,6 +433,11 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             state.models.back() = std::move(fitted);
             changed = true;
         }
+        std::vector<std::vector<double>> &as_likely = state.other_forms[first.id];
+        as_likely.clear();
+        for (Tried &one : tried)
+            if (one.behind < kFit.form_margin)
+                as_likely.push_back(std::move(one.values));
     }
     return changed;
 }

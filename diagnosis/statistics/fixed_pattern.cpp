@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace clsp::statistics {
 
@@ -26,11 +27,15 @@ Values used_values(const Geometry &geometry, const std::vector<float> &image) {
 }
 
 // Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
-// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say. A step
-// leaves a tenth of what the one before was off by, so that few pixels, of all rows and columns, are enough to begin.
-double bulk_deviation(const Values &values) {
-    constexpr Eigen::Index kFew = 1024, kEvery = 17;
-    const Eigen::Index step_between = values.size() < kFew * kEvery ? 1 : kEvery;
+// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say. There a
+// step leaves a tenth of what the one before was off by, so that few pixels are enough to begin: of all columns, as
+// their distance shares no factor with the width.
+double bulk_deviation(const Values &values, std::size_t width) {
+    constexpr Eigen::Index kFew = 1024;
+    Eigen::Index every = 17;
+    while (std::gcd(every, Eigen::Index(width)) != 1)
+        ++every;
+    const Eigen::Index step_between = values.size() < kFew * every ? 1 : every;
     Values magnitudes = Eigen::Map<const Values, 0, Eigen::InnerStride<>>(values.data(), values.size() / step_between,
                                                                           Eigen::InnerStride<>(step_between))
                             .abs();
@@ -111,7 +116,7 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const FieldCoefficients field = fit_field(geometry, mean, kFieldTerms);
     const std::vector<float> pattern = without_field(geometry, mean, field);
     const Values values = used_values(geometry, pattern);
-    const double deviation = bulk_deviation(values);
+    const double deviation = bulk_deviation(values, geometry.width);
     std::vector<float> bulk = without_far_out(pattern, deviation);
     bulk = without_field(geometry, bulk, fit_field(geometry, bulk, kFieldTerms)); // they bent the field
     Powers powers;

@@ -656,10 +656,12 @@ def test_a_mosaic_is_told_and_one_site_has_none(found) -> None:
     assert found(one, {**camera, "pixel_pitch_um": 2 * 2.9, "f_number": 12}) == []
 
 
-def test_a_mosaic_of_four_neighbours_each_is_told(found) -> None:
-    """As sensors have it that join four pixels of one filter in the dark."""
+@pytest.mark.parametrize("even_columns", [1.0, 0.996])
+def test_a_mosaic_of_four_neighbours_each_is_told(found, even_columns: float) -> None:
+    """As sensors have it that join four pixels of one filter in the dark; and whose columns differ a little, too."""
     arrays, camera = recorded(11, frames=16, shape=(64, 96))
     filters = np.kron(np.tile([[0.5, 0.97], [1.0, 0.4]], (16, 24)), np.ones((2, 2)))
+    filters[:, 0::2] *= even_columns
     mosaic = {name: np.rint((codes - 64.0) * (1 if name == "dark" else filters) + 64) for name, codes in arrays.items()}
     (warning,) = [w for w in found(mosaic, camera) if w["kind"] == "mosaic"]
     assert "the four sites of 4 x 4 pixels" in warning["text"]
@@ -668,6 +670,13 @@ def test_a_mosaic_of_four_neighbours_each_is_told(found) -> None:
     assert site.groups() == ("2", "0"), "the brightest site"
     one = {name: codes[:, int(site[1]) :: 4, int(site[2]) :: 4] for name, codes in mosaic.items()}
     assert "mosaic" not in kinds(found(one, {**camera, "pixel_pitch_um": 4 * 2.9, "f_number": 24}))
+
+
+def test_light_that_tilts_is_no_mosaic(found) -> None:
+    arrays, camera = recorded(11, frames=16, shape=(64, 96))
+    tilted = np.linspace(0.4, 1.0, 96)
+    uneven = {name: np.rint((codes - 64.0) * (1 if name == "dark" else tilted) + 64) for name, codes in arrays.items()}
+    assert "mosaic" not in kinds(found(uneven, camera))
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])

@@ -70,6 +70,19 @@ def test_what_the_simulator_made_is_told(tmp_path: Path) -> None:
     assert 1.2 < low < 1.4 < high < 1.6
 
 
+def test_an_effect_alone_has_the_form_that_is_as_likely_in_its_interval(tmp_path: Path) -> None:
+    """A weak bend of power 1 is nearly one of power 2, and no other effect is there to call for a second look."""
+    report = tmp_path / "report.json"
+    make = ["capture", "make", tmp_path / "set", "--effect", "nonlinearity:cubic=0.06,power=1", "--width", "128"]
+    make += ["--height", "112", "--frames", "24", "--seed", "32", "--quiet"]
+    for command in (make, ["diagnose", tmp_path / "set", "--json", report, "--quiet"]):
+        done = subprocess.run([str(word) for word in (PROGRAM, *command)], check=False, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    cause = json.loads(report.read_text())["cause"]
+    assert (cause["verdict"], cause["effects"]) == ("named", ["nonlinearity"])
+    assert cause["ranking"][0]["intervals"]["power"] == [1, 2]
+
+
 @pytest.mark.nightly
 def test_a_form_that_is_not_told_is_in_the_intervals(tmp_path: Path) -> None:
     """Beside depolarization 0.7 lags of the exponential law may be as good as the 1.4 of the Gaussian one."""
