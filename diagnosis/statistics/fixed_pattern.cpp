@@ -5,7 +5,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace clsp::statistics {
 
@@ -27,18 +26,9 @@ Values used_values(const Geometry &geometry, const std::vector<float> &image) {
 }
 
 // Standard deviation of the bulk: the fixed point of a variance under the weight exp(-u^2 / 18), u in standard
-// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say. There a
-// step leaves a tenth of what the one before was off by, so that few pixels are enough to begin: of all columns, as
-// their distance shares no factor with the width.
-double bulk_deviation(const Values &values, std::size_t width) {
-    constexpr Eigen::Index kFew = 1024;
-    Eigen::Index every = 17;
-    while (std::gcd(every, Eigen::Index(width)) != 1)
-        ++every;
-    const Eigen::Index step_between = values.size() < kFew * every ? 1 : every;
-    Values magnitudes = Eigen::Map<const Values, 0, Eigen::InnerStride<>>(values.data(), values.size() / step_between,
-                                                                          Eigen::InnerStride<>(step_between))
-                            .abs();
+// deviations, which for a normal law is 9/10 of the variance. Pixels beyond some five deviations have no say.
+double bulk_deviation(const Values &values) {
+    Values magnitudes = values.abs();
     float *const ranked = magnitudes.data() + magnitudes.size() * 68 / 100;
     std::nth_element(magnitudes.data(), ranked, magnitudes.data() + magnitudes.size());
     double deviation = std::max(double(*ranked), 1e-4);
@@ -116,7 +106,7 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const FieldCoefficients field = fit_field(geometry, mean, kFieldTerms);
     const std::vector<float> pattern = without_field(geometry, mean, field);
     const Values values = used_values(geometry, pattern);
-    const double deviation = bulk_deviation(values, geometry.width);
+    const double deviation = bulk_deviation(values);
     std::vector<float> bulk = without_far_out(pattern, deviation);
     bulk = without_field(geometry, bulk, fit_field(geometry, bulk, kFieldTerms)); // they bent the field
     Powers powers;
@@ -147,8 +137,8 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     const char *names[] = {"fixed_pattern_correlation_x1", "fixed_pattern_correlation_y1"};
     const Lag lags[] = {{1, 0}, {0, 1}};
     for (std::size_t k = 0; k < 2; ++k) {
-        const double covariance =
-            ratio(lag_sum(bulk.data(), bulk.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
+        const double covariance = ratio(
+            lag_sum(bulk.data(), bulk.data(), geometry.width, geometry.height, lags[k]), geometry.pairs(lags[k]));
         sink.put("sensor", names[k], "1", ratio(covariance, variance));
     }
     SpectralLine line;
