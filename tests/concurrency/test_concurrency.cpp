@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <limits>
 #include <thread>
 
 namespace {
@@ -115,6 +116,29 @@ TEST(Concurrency, WhatOneQueueHasWrittenAnotherOneSees) {
         ideal.write(writing, std::vector<float>{-1.0f});
         pipeline.enqueue_frame(framing, frame);
         EXPECT_THROW(pipeline.check(framing), clspeckle::Error) << round;
+    }
+}
+
+// A check on one queue sets the counts to nothing: a bad pixel that another queue finds behind it is not lost.
+TEST(Concurrency, WhatOneQueueHasCheckedAnotherOneCountsAnew) {
+    const clspeckle::Context context;
+    const clspeckle::Queue checking(context), moving(context);
+    constexpr std::uint32_t width = 16, height = 8;
+    auto p = clspeckle::make<ClspPhaseDesc>();
+    p.width = width;
+    p.height = height;
+    p.dynamics = CLSP_DYNAMICS_CONTINUOUS;
+    const clspeckle::Phase phase(context, p);
+    phase.enqueue_refresh(moving, 0);
+    std::vector<float> path(width * height, 0.0f);
+    path[5] = std::numeric_limits<float>::quiet_NaN();
+    const clspeckle::Buffer paths(context, moving, path);
+    auto advance = clspeckle::make<ClspPhaseAdvance>();
+    advance.path = paths.image(width, height, CLSP_FORMAT_FLOAT32);
+    for (std::uint64_t frame = 1; frame <= 100; ++frame) {
+        phase.enqueue_advance(moving, frame, advance);
+        moving.finish();
+        EXPECT_THROW(phase.check(checking), clspeckle::Error) << frame;
     }
 }
 
