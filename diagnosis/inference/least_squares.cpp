@@ -17,6 +17,10 @@ Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::
     return matrix.completeOrthogonalDecomposition().solve(target);
 }
 
+Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd &matrix) {
+    return matrix.completeOrthogonalDecomposition().pseudoInverse();
+}
+
 double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target) {
     if (matrix.cols() == 0)
         return target.squaredNorm();

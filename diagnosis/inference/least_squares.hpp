@@ -13,6 +13,8 @@ Eigen::MatrixXd whiten_columns(const Covariance &covariance, const Eigen::Matrix
 // b that minimizes |target - matrix b|^2, both whitened; empty without columns.
 Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 
+Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd &matrix); // of Moore and Penrose
+
 // |target - matrix b|^2 at its least.
 double residual_square(const Eigen::MatrixXd &matrix, const Eigen::VectorXd &target);
 

@@ -388,6 +388,8 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             std::vector<double> values;
         };
         std::vector<Tried> tried;
+        // Of a wrong model distances count by what it leaves of each statistic (Birge's ratio).
+        double error = 1.0;
         for (const Candidate *const other : candidates) {
             const Candidate &form = *other;
             if (form.id != first.id || form.form == first.form)
@@ -399,17 +401,19 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
             Pool pool;
             FittedModel fitted;
             const Origin origin{whole.model.full(), state.pool};
+            const double left = fits.square_by(whole.model.full(), whole);
+            error = std::max(1.0, left / static_cast<double>(fits.runner().count()));
             FitOptions options;
             options.replicates = fits.options().model_replicates;
             options.from = options.to = at;
             options.known = known_changes(whole, state.model, model, true);
-            options.worth = worth_of(fits, fits.square_by(whole.model.full(), whole));
+            options.worth = left + kSwap.give_up_form * error;
             if (!possible([&] { fitted = fits.fit(model, pool, options, &origin); }) || fitted.effects.empty())
                 continue;
             // A score depends on how many replicates there are.
             const auto count = static_cast<std::uint32_t>(fitted.model.replicates().draws.size());
             fits.judge(whole, whole.model.replicates(), count, at, at);
-            if (fitted.score > whole.score + kSwap.give_up_form)
+            if (fitted.score > whole.score + kSwap.give_up_form * error)
                 continue;
             if (fitted.residual.p_value <= kFit.seldom)
                 fits.polish(model, pool, fitted, at);
@@ -436,7 +440,7 @@ bool swap_forms(ModelFit &fits, SearchState &state, const std::vector<const Cand
         std::vector<std::vector<double>> &as_likely = state.other_forms[first.id];
         as_likely.clear();
         for (Tried &one : tried)
-            if (one.behind < kFit.form_margin)
+            if (one.behind < kFit.form_margin * error)
                 as_likely.push_back(std::move(one.values));
     }
     return changed;

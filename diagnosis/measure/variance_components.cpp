@@ -1,6 +1,8 @@
 #include "measure/variance_components.hpp"
 
-#include <Eigen/Dense>
+#include "inference/least_squares.hpp"
+
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -46,7 +48,6 @@ double beyond_rounding(double part, double value) {
 template <std::size_t Degree> struct TrendFit {
     SquareOf<Degree> products = SquareOf<Degree>::Zero();
     TermsOf<Degree> solution = TermsOf<Degree>::Zero();
-    Eigen::CompleteOrthogonalDecomposition<SquareOf<Degree>> solver;
     double first = 0.0;
 
     TrendFit(const ImageShape &shape, const std::vector<double> &image, const std::vector<std::uint8_t> &counts) {
@@ -61,8 +62,7 @@ template <std::size_t Degree> struct TrendFit {
             products += terms * terms.transpose();
             sums += (image[i] - first) * terms;
         }
-        solver.compute(products);
-        solution = solver.solve(sums);
+        solution = solve_least_squares(products, sums);
         for (double &term : solution)
             term = beyond_rounding(term, first);
     }
@@ -240,7 +240,7 @@ SmoothTrend fit_trend(const ImageShape &shape, const std::vector<double> &image,
         modeled += std::max(0.0, parts.row) * sum * sum.transpose();
     for (const Terms &sum : column_sums)
         modeled += std::max(0.0, parts.column) * sum * sum.transpose();
-    const Square inverse = fit.solver.pseudoInverse();
+    const Square inverse = pseudo_inverse(fit.products);
     const auto diagonal = [&](const Square &scores) { return Terms((inverse * scores * inverse).diagonal()); };
     Eigen::Map<Terms>(result.errors.data()) =
         diagonal(rows + columns - both).cwiseMax(diagonal(both)).cwiseMax(diagonal(modeled)).cwiseSqrt();

@@ -57,7 +57,7 @@ constexpr Words kStatistics[] = {
     {"fixed_pattern_kurtosis", "tails of the fixed pattern, without pixels far out"},
     {"fixed_pattern_correlation_", "correlation of neighbouring pixels in the fixed pattern"},
     {"fixed_pattern_lines", "sharp peaks in the spectrum of the fixed pattern: a periodic pattern"},
-    {"fixed_pattern_wave", "the strongest wave in the fixed pattern, over the temporal noise"},
+    {"fixed_pattern_wave", "how far a wave stands out in the spectrum of the fixed pattern: 0 by chance, 4 once in 30,000"},
     {"signal_by_exposure",
      "brightness of a flat whose light goes as its exposure time: a bent response changes it from flat to flat"},
     {"dark_level", "level of a dark sequence against that of all, in read noise: dark current raises it"},

@@ -144,7 +144,7 @@ void measure_fixed_pattern(const StatisticInput &in, Sink &sink) {
     SpectralLine line;
     const SpectrumSums spectrum = sum_spectrum(geometry, 0.7072, {bulk.data()}, 1, &line);
     sink.put("sensor", "fixed_pattern_lines", "log", std::log(spectrum.peaks));
-    sink.put("sensor", "fixed_pattern_wave", "log", log_ratio(0.5 * line.amplitude * line.amplitude, temporal));
+    sink.put("sensor", "fixed_pattern_wave", "1", line.prominence);
     if (geometry.light_error > 0.0)
         sink.put("sensor", "signal_by_exposure", "log", std::log(in.frames.light), geometry.light_error);
     // Of several dark sequences after different exposures: what the black level that they share leaves.

@@ -183,7 +183,9 @@ void put_fixed_pattern(const StatisticInput &in, List &list) {
     list.put("column_fixed_pattern", "DN", told ? of_lines(columns, geometry.column_used) : kNotTold);
     SpectralLine line;
     sum_spectrum(geometry, 1.0, {pattern.data()}, 1, &line);
-    const auto of_line = [&](double value) { return line.stands_out ? value : kNotTold; };
+    // Chance makes of noise what stands out so far once in 10,000 times.
+    constexpr double kBeyondChance = 3.72;
+    const auto of_line = [&](double value) { return line.prominence > kBeyondChance ? value : kNotTold; };
     list.put("wave_amplitude", "DN", of_line(line.amplitude));
     list.put("wave_frequency_x", "1/px", of_line(line.frequency_x));
     list.put("wave_frequency_y", "1/px", of_line(line.frequency_y));

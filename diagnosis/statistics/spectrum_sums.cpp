@@ -98,23 +98,42 @@ PowerSums sum_power(const Box &box, double cutoff, const std::vector<double> &po
     return sums;
 }
 
-// Offsets of rows and of columns have all their power where fx or fy is 0: each of the two is a surrounding of its own,
-// a ring another.
+// The logarithm of a standard normal number's chance to be above z, also where the chance is no double.
+double log_chance_above(double z) {
+    constexpr double kFar = 30.0;
+    return z < kFar ? std::log(0.5 * std::erfc(z * M_SQRT1_2))
+                    : -0.5 * z * z - std::log(z * std::sqrt(2.0 * M_PI)) - 1.0 / (z * z);
+}
+
+// The standard normal number that is exceeded as seldom as one of `count` numbers is so far out that each is with
+// probability exp(-rarity).
+double normal_score_of_rarest(double rarity, double count) {
+    const double others = std::log(count) - rarity; // of how many are expected so far out
+    const double chance = others < -std::log(1e12) ? others : std::log(-std::expm1(-std::exp(others)));
+    double low = -10.0, high = 10.0 + std::sqrt(2.0 * std::max(rarity, 0.0));
+    for (int step = 0; step < 60; ++step) {
+        const double middle = 0.5 * (low + high);
+        (log_chance_above(middle) > chance ? low : high) = middle;
+    }
+    return 0.5 * (low + high);
+}
+
+// Offsets of rows and of columns have all their power where fx or fy is 0 or, by the window, one step beside it: each
+// of these lines is a surrounding of its own, four rings another.
 SpectralLine strongest_line(const Box &box, const std::vector<double> &powers) {
     const std::size_t width = box.width, height = box.height, half = width / 2 + 1;
-    constexpr std::size_t kRowOffsets = kPeakRings, kColumnOffsets = kPeakRings + 1;
+    constexpr std::size_t kRings = kPeakRings / 4, kRowOffsets = kRings, kColumnOffsets = kRings + 2;
     constexpr double kNothing = 1e-12;
     const auto surrounding = [&](std::size_t kx, std::size_t ky) {
         if (kx <= 1)
-            return kRowOffsets;
+            return kRowOffsets + kx;
         if (ky <= 1)
-            return kColumnOffsets;
+            return kColumnOffsets + ky;
         const double fx = double(kx) / double(width), fy = double(ky) / double(height);
-        return ring_of(std::sqrt(fx * fx + fy * fy));
+        return ring_of(std::sqrt(fx * fx + fy * fy)) / 4;
     };
     // Logarithms: the line itself counts in its surrounding as one of many.
-    std::array<double, kPeakRings + 2> total{}, count{};
-    std::vector<double> logs(powers.size());
+    std::array<double, kRings + 4> total{}, count{};
     std::vector<std::uint8_t> rings(powers.size());
     const auto each = [&](const auto &work) {
         for (std::size_t kx = 0; kx < half; ++kx)
@@ -128,51 +147,75 @@ SpectralLine strongest_line(const Box &box, const std::vector<double> &powers) {
     each([&](std::size_t at, std::size_t kx, std::size_t, std::size_t ky) {
         const std::size_t ring = surrounding(kx, ky);
         rings[at] = std::uint8_t(ring);
-        logs[at] = std::log(powers[at] + kNothing);
-        total[ring] += logs[at];
+        total[ring] += std::log(powers[at] + kNothing);
         count[ring] += 1.0;
     });
-    double most = 0.0, best = -1.0;
-    std::size_t x = 0, y = 0;
-    each([&](std::size_t at, std::size_t kx, std::size_t row, std::size_t) {
+    std::array<double, kRings + 4> largest{};
+    std::array<std::size_t, kRings + 4> place{};
+    each([&](std::size_t at, std::size_t, std::size_t, std::size_t) {
         const std::size_t ring = rings[at];
-        const double above = logs[at] - total[ring] / count[ring];
-        if (above > best) {
-            best = above;
-            most = powers[at];
-            x = kx;
-            y = row;
+        if (powers[at] > largest[ring]) {
+            largest[ring] = powers[at];
+            place[ring] = at;
         }
     });
-    // Noise has exponential powers: the mean of their logarithms is Euler's constant below that of their mean.
-    constexpr double kEuler = 0.57721566490153286, kChance = 1e-4;
+    // Noise has exponential powers. The mean of their logarithms is Euler's constant below that of their mean. It
+    // scatters as the mean of fewer powers does: logarithms scatter more, and neighbours under a Hann window are alike.
+    // A power over the mean of so many others has the law of F.
+    constexpr double kEuler = 0.57721566490153286, kOfLogarithms = M_PI * M_PI / 6.0, kOfWindow = 35.0 / 18.0;
+    constexpr double kBandwidth = 1.5; // of the window, in frequencies each way
+    double rarest = -1.0, frequencies = 0.0;
+    std::size_t at = 0;
+    for (std::size_t ring = 0; ring < count.size(); ++ring) {
+        frequencies += count[ring] / (kBandwidth * kBandwidth);
+        if (count[ring] == 0.0)
+            continue;
+        const double power = (largest[ring] + kNothing) / std::exp(total[ring] / count[ring] + kEuler);
+        const double others = count[ring] / (kOfLogarithms * kOfWindow * (ring < kRings ? kOfWindow : 1.0));
+        const double rarity = others * std::log1p(power / others);
+        if (rarity > rarest) {
+            rarest = rarity;
+            at = place[ring];
+        }
+    }
     SpectralLine line;
-    line.stands_out = std::exp(best - kEuler) > std::log(double(powers.size()) / kChance);
-    // Between two frequencies of the grid the window's transform goes as 1 / (d (1 - d^2)): of the amplitudes at d and
-    // 1 - d the ratio is (1 + d) / (2 - d).
-    const auto root = [&](std::ptrdiff_t kx, std::ptrdiff_t ky) {
-        const auto w = std::ptrdiff_t(width), h = std::ptrdiff_t(height);
+    line.prominence = normal_score_of_rarest(rarest, frequencies);
+    // The window spreads a wave over its neighbours, which may be in another surrounding.
+    const auto w = std::ptrdiff_t(width), h = std::ptrdiff_t(height);
+    const auto power_at = [&](std::ptrdiff_t kx, std::ptrdiff_t ky) {
         kx = (kx + w) % w;
         if (kx > w / 2) { // the image is real
             kx = w - kx;
             ky = -ky;
         }
-        return std::sqrt(powers[std::size_t(kx * h + (ky % h + h) % h)]);
+        ky = (ky % h + h) % h;
+        return is_mean(std::size_t(kx), std::size_t(std::min(ky, h - ky))) ? 0.0 : powers[std::size_t(kx * h + ky)];
     };
+    std::ptrdiff_t kx = std::ptrdiff_t(at) / h, ky = std::ptrdiff_t(at) % h;
+    const std::ptrdiff_t middle_x = kx, middle_y = ky;
+    for (std::ptrdiff_t x = std::max(middle_x - 1, std::ptrdiff_t(0)); x <= std::min(middle_x + 1, w / 2); ++x)
+        for (std::ptrdiff_t y = middle_y - 1; y <= middle_y + 1; ++y)
+            if (power_at(x, y) > power_at(kx, ky)) {
+                kx = x;
+                ky = (y + h) % h;
+            }
+    const double most = power_at(kx, ky);
+    // Between two frequencies of the grid the window's transform goes as 1 / (d (1 - d^2)): of the amplitudes at d and
+    // 1 - d the ratio is (1 + d) / (2 - d).
     const auto offset = [&](double before, double after) {
-        const double ratio_of = ratio(std::max(before, after), std::sqrt(most));
+        const double ratio_of = std::sqrt(ratio(std::max(before, after), most));
         const double found = std::clamp((2.0 * ratio_of - 1.0) / (1.0 + ratio_of), 0.0, 0.5);
         return after > before ? found : -found;
     };
-    const auto kx = std::ptrdiff_t(x), ky = std::ptrdiff_t(y);
-    const double dx = offset(root(kx - 1, ky), root(kx + 1, ky)), dy = offset(root(kx, ky - 1), root(kx, ky + 1));
+    const double dx = offset(power_at(kx - 1, ky), power_at(kx + 1, ky));
+    const double dy = offset(power_at(kx, ky - 1), power_at(kx, ky + 1));
     const auto window = [](double d) { // at d from its middle, over that in the middle
         return std::abs(d) < 1e-6 ? 1.0 : std::sin(M_PI * d) / (M_PI * d * (1.0 - d * d));
     };
     // The windows' means are 1/2 each; half of the amplitude is at the negative frequency.
     line.amplitude = 8.0 * std::sqrt(most) / (double(width) * double(height) * window(dx) * window(dy));
-    line.frequency_x = (double(x) + dx) / double(width);
-    line.frequency_y = (double(2 * y > height ? ky - std::ptrdiff_t(height) : ky) + dy) / double(height);
+    line.frequency_x = (double(kx) + dx) / double(width);
+    line.frequency_y = (double(2 * ky > h ? ky - h : ky) + dy) / double(height);
     return line;
 }
 

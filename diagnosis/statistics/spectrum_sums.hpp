@@ -27,7 +27,7 @@ struct SpectrumSums {
 // it is 0.
 struct SpectralLine {
     double amplitude = 0.0, frequency_x = 0.0, frequency_y = 0.0; // cycles per pixel
-    bool stands_out = false;                                      // beyond what chance makes of noise
+    double prominence = 0.0; // how far it stands out: a standard normal number where there is noise alone
 };
 bool has_outside(const Geometry &geometry);
 // line: gets that of the first image, if not nullptr.

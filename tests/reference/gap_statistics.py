@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri_exp
 
 Array = NDArray[np.float64]
 Values = dict[tuple[str, str], float]
@@ -265,8 +266,7 @@ def fixed_pattern(s: Sequence) -> Values:
         values["cold_pixels_6_sigma", "all"] = soft_count(-1, 6.0, 0.5)
     values["fixed_pattern_correlation_x1", "all"] = covariance(pattern, s.mask, 1, 0) / variance
     values["fixed_pattern_correlation_y1", "all"] = covariance(pattern, s.mask, 0, 1) / variance
-    amplitude = strongest_wave(pattern)
-    values["fixed_pattern_wave", "all"] = log_ratio(amplitude**2 / 2, s.pixel_variance / s.frames)
+    values["fixed_pattern_wave", "all"] = prominence_of_strongest_wave(pattern)
     return values
 
 
@@ -285,34 +285,29 @@ def middle_power(images: Array) -> Array:
     return np.abs(np.fft.fft2(images[..., y : y + height, x : x + width] * np.outer(*windows))) ** 2
 
 
-def strongest_wave(pattern: Array) -> float:
-    """Amplitude of the wave that stands out most from its ring of |f|, or from the
-    frequencies of whole rows or columns, under a Hann window; between grid points by the window's own transform."""
+def prominence_of_strongest_wave(pattern: Array) -> float:
+    """How far the wave stands out that stands out most from its ring of |f|, or from the frequencies of whole rows or
+    columns, under a Hann window: the normal score of the rarest of so many powers over the mean of their surrounding."""
     power = middle_power(pattern)
     height, width = power.shape
     row, column = (np.rint(np.fft.fftfreq(n) * n).astype(int) for n in (height, width))
     ky, kx = np.meshgrid(row, column, indexing="ij")
-    ring = np.minimum(np.floor(np.hypot(ky / height, kx / width) / 0.7072 * 48), 47)
-    ring[np.abs(ky) <= 1] = 49
-    ring[np.abs(kx) <= 1] = 48
+    ring = np.minimum(np.floor(np.hypot(ky / height, kx / width) / 0.7072 * 48), 47) // 4
+    for k in (0, 1):
+        ring[np.abs(ky) == k] = 14 + k
+    for k in (0, 1):
+        ring[np.abs(kx) == k] = 12 + k
     half = (kx > 0) | (kx == -width / 2) | ((kx == 0) & ((ky >= 0) | (ky == -height / 2)))
     usable = half & ((np.abs(kx) > 1) | (np.abs(ky) > 1))
-    above = np.full(power.shape, -np.inf)
-    for k in range(50):
-        part = usable & (ring == k)
-        if part.any():
-            above[part] = np.log(power[part] + 1e-12) - np.log(power[part] + 1e-12).mean()
-    y, x = np.unravel_index(np.argmax(above), power.shape)
-    root = np.sqrt(power)
-
-    def offset(before: float, after: float) -> float:
-        ratio = max(before, after) / root[y, x]
-        return float(np.clip((2 * ratio - 1) / (1 + ratio), 0, 0.5) * (1 if after > before else -1))
-
-    dx = offset(root[y, (x - 1) % width], root[y, (x + 1) % width])
-    dy = offset(root[(y - 1) % height, x], root[(y + 1) % height, x])
-    kept = [np.sinc(d) / (1 - d * d) for d in (dx, dy)]
-    return float(8 * root[y, x] / (power.size * np.prod(kept)))
+    rarest = 0.0
+    for k in range(16):
+        part = power[usable & (ring == k)] + 1e-12
+        if part.size:
+            likely = np.exp(np.log(part).mean() + np.euler_gamma)
+            others = part.size / (np.pi**2 / 6 * (35 / 18) ** (2 if k < 12 else 1))
+            rarest = max(rarest, others * np.log1p(part.max() / likely / others))
+    above = usable.sum() / 2.25 * np.exp(-rarest)  # of how many are expected so far out
+    return -float(ndtri_exp(np.log(above) if above < 1e-12 else np.log(-np.expm1(-above))))
 
 
 def share_above(s: Sequence, level: float, reach: float = np.inf) -> float:

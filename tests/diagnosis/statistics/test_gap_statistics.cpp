@@ -542,6 +542,47 @@ TEST(GapStatistics, SquaresOverFewFramesAreNearlyGaussian) {
     }
 }
 
+// By chance a wave's score is a standard normal number, also where columns have offsets of any size: of 300 dark
+// captures the mean is within 4 standard errors and 0.1 of 0, and the share above 1.645 is 5 %: more than 28 of 300 in
+// 1 of 1,000 tests. A wave of twice the amplitude has a higher score, and less than twice, as its surrounding is known
+// by few frequencies.
+TEST(GapStatistics, AWaveIsToldByItsNormalScore) {
+    constexpr std::uint32_t kCaptures = 300;
+    const CaptureLayout layout = make_layout(CaptureScene::kDark, false, 2);
+    const auto score = [&](std::uint32_t seed, double columns, double wave) {
+        std::mt19937 random(seed);
+        std::normal_distribution<double> normal;
+        std::vector<double> offset(kWidth);
+        for (double &one : offset)
+            one = columns * normal(random);
+        Codes codes;
+        for (std::uint32_t t = 0; t < 2; ++t)
+            for (std::size_t i = 0; i < kPixels; ++i) {
+                const double x = double(i % kWidth), y = double(i / kWidth);
+                const double turns = 0.1927 * x + 0.3141 * y;
+                codes.push_back(std::uint16_t(std::round(kBlack + offset[i % kWidth] + kRead * normal(random) +
+                                                         wave * std::sin(2.0 * M_PI * turns))));
+            }
+        return named(layout, codes).at("fixed_pattern_wave");
+    };
+    for (const double columns : {0.0, 3.0}) {
+        double sum = 0.0, square = 0.0;
+        std::uint32_t above = 0;
+        for (std::uint32_t seed = 0; seed < kCaptures; ++seed) {
+            const double value = score(2000 + seed, columns, 0.0);
+            sum += value / kCaptures;
+            square += value * value / kCaptures;
+            above += value > 1.645 ? 1 : 0;
+        }
+        EXPECT_NEAR(sum, 0.0, 0.1 + 4.0 / std::sqrt(double(kCaptures))) << columns;
+        EXPECT_NEAR(std::sqrt(square - sum * sum), 1.0, 0.2) << columns;
+        EXPECT_LE(above, 28u) << columns;
+        const double weak = score(3000, columns, 1.0), strong = score(3000, columns, 2.0);
+        EXPECT_GT(weak, 8.0) << columns;
+        EXPECT_NEAR(strong / weak, 1.6, 0.2) << columns;
+    }
+}
+
 // 10 frames of 96 x 80: the standard error of the noise is 4 / sqrt(2 * 69120) = 0.011 DN; the margin is four of them.
 // Rounding adds 1/12.
 TEST(GapStatistics, LevelIsRobust) {
