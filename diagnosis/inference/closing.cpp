@@ -291,9 +291,11 @@ ClosedGap Closing::fit(EffectModel &model, double from, double to) {
     Eigen::VectorXd strengths(parameters);
     for (Eigen::Index p = 0; p < parameters; ++p)
         strengths[p] = model.strengths[std::size_t(p)].strength;
-    result.parameters = fitted_parameters(
-        model, strengths, strength_deviations(*result.model, strays, simulator_error(runner_.list(), moved.mean())),
-        static_cast<double>(strays.rows()));
+    const Eigen::VectorXd deviations =
+        strength_deviations(*result.model, strays, simulator_error(runner_.list(), moved.mean()));
+    result.parameters =
+        fitted_parameters(model, strengths, deviations.cwiseProduct(result.model->birge_ratios(difference_)),
+                          static_cast<double>(strays.rows()));
     return result;
 }
 

@@ -190,4 +190,23 @@ GapTest GapModel::test(const FoldStatistics &statistics, const std::vector<bool>
     return result;
 }
 
+Eigen::VectorXd GapModel::birge_ratios(const FoldStatistics &statistics) const {
+    const Eigen::Index sequences = reference_.cols();
+    Eigen::RowVectorXd square = Eigen::RowVectorXd::Ones(sequences);
+    for (Eigen::Index s = 0; s < sequences; ++s) {
+        std::vector<bool> alone(static_cast<std::size_t>(sequences));
+        alone[static_cast<std::size_t>(s)] = true;
+        const GapTest left = test(statistics, alone);
+        if (left.p_value * static_cast<double>(sequences) <= level_)
+            square[s] += left.distance * left.distance;
+    }
+    Eigen::VectorXd result = Eigen::VectorXd::Ones(directions_.cols());
+    for (Eigen::Index p = 0; p < result.size(); ++p) {
+        const Eigen::RowVectorXd told = block_squares(full_.whiten(directions_.col(p)));
+        if (told.sum() > 0.0)
+            result[p] = std::sqrt(told.dot(square) / told.sum());
+    }
+    return result;
+}
+
 } // namespace clsp

@@ -48,6 +48,10 @@ class GapModel {
     // The test of the statistics of a whole capture, or of some of its sequences alone (by sequence; empty: of all).
     // z is of all statistics, p_adjusted 1 of those that are not tested.
     GapTest test(const FoldStatistics &statistics, const std::vector<bool> &sequences = {}) const;
+    // By how much wider than chance the coefficients of the directions scatter where the model leaves something (Birge
+    // 1932): the root of the mean squared whitened rest of the sequences, by how much each tells of a coefficient. Of a
+    // sequence of which nothing significant is left it is 1.
+    Eigen::VectorXd birge_ratios(const FoldStatistics &statistics) const;
     // The coefficients of the directions that fit a difference from the mean best.
     Eigen::VectorXd coefficients(const Covariance &covariance, const Eigen::VectorXd &difference) const;
 

@@ -441,9 +441,11 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
         strengths[p] = effect.candidate->snapped(s.parameter, s.strength + strengths[p], effect.sign);
     }
     const Eigen::MatrixXd strays = model_of_changes.strays(runner_, GapModel::Fit::kBoth);
-    fitted.parameters = fitted_parameters(
-        model, strengths, strength_deviations(model_of_changes, strays, simulator_error(runner_.list(), fitted.change)),
-        static_cast<double>(strays.rows()));
+    const Eigen::VectorXd deviations =
+        strength_deviations(model_of_changes, strays, simulator_error(runner_.list(), fitted.change));
+    fitted.parameters =
+        fitted_parameters(model, strengths, deviations.cwiseProduct(model_of_changes.birge_ratios(runner_.real())),
+                          static_cast<double>(strays.rows()));
 }
 
 } // namespace clsp

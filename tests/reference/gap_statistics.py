@@ -287,7 +287,7 @@ def middle_power(images: Array) -> Array:
 
 def prominence_of_strongest_wave(pattern: Array) -> float:
     """How far the wave stands out that stands out most from its ring of |f|, or from the frequencies of whole rows or
-    columns, under a Hann window: the normal score of the rarest of so many powers over the mean of their surrounding."""
+    columns, under a Hann window: the normal score of the rarest of so many powers over their surroundings' means."""
     power = middle_power(pattern)
     height, width = power.shape
     row, column = (np.rint(np.fft.fftfreq(n) * n).astype(int) for n in (height, width))

@@ -99,4 +99,42 @@ TEST(Parameters, OfWhichTheCaptureSaysNothing) {
     EXPECT_EQ(fitted.parameters[1].high, 8.0);
 }
 
+// Row noise that no effect of the model explains makes the interval of crosstalk wider; with it all is explained, and
+// nothing does: where nothing is left, something significant is found in 1 of 200 captures.
+TEST(Parameters, WhatIsLeftMakesIntervalsWider) {
+    const std::vector<Candidate> all = candidates({}, {});
+    const auto find = [&](const std::string &id) -> const Candidate & {
+        return *std::find_if(all.begin(), all.end(), [&](const Candidate &c) { return c.id == id; });
+    };
+    ReplicateRunner runner(context(), simulated({{"crosstalk", {0.22}}, {"row_noise", {5.0}}}, kCaptureSeed + 800), {},
+                           2);
+    SearchOptions search;
+    search.null_replicates = search.model_replicates = 24;
+    ModelFit fits(runner, search, {});
+    fits.fit_baseline(0.0);
+    EffectModel model;
+    Pool pool;
+    FitOptions options;
+    options.replicates = search.model_replicates;
+    double width = 0.0;
+    for (const char *const id : {"crosstalk", "row_noise"}) {
+        model.add(find(id), 1.0, 0.5);
+        FittedModel fitted = fits.fit(model, pool, options);
+        fits.measure_parameters(fitted, model, 0.0);
+        const Eigen::VectorXd ratios = fitted.model.birge_ratios(runner.real());
+        const FittedParameter &crosstalk = fitted.parameters.front();
+        if (model.effects.size() == 1) {
+            ASSERT_TRUE(fitted.residual.detected);
+            EXPECT_GT(ratios[0], 1.3);
+            width = crosstalk.high - crosstalk.low;
+        } else {
+            ASSERT_FALSE(fitted.residual.detected);
+            EXPECT_EQ(ratios, Eigen::VectorXd::Ones(2));
+            EXPECT_LT(crosstalk.high - crosstalk.low, width / 1.3);
+            EXPECT_LT(crosstalk.low, 0.22);
+            EXPECT_GT(crosstalk.high, 0.22);
+        }
+    }
+}
+
 } // namespace
