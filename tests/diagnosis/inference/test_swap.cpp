@@ -252,7 +252,7 @@ TEST_F(Swap, WhatAnEffectDoesIsSeenInThePlace) {
     all = candidates(twins, {});
     SearchState state = state_of(fits, {"bend", "row_noise"}, {"tilt"});
     // Beside the other one it does nothing, but for frames whose speckle leans to the left.
-    ASSERT_LT(state.screened.at(&candidate("tilt")).cwiseAbs().maxCoeff(), 0.1);
+    ASSERT_LT(state.screened.at(&candidate("tilt")).cwiseAbs().maxCoeff(), 0.3);
     EXPECT_TRUE(swap_confusable_effects(fits, state, 0.0));
     EXPECT_EQ(names(state), (std::vector<std::string>{"row_noise", "tilt"}));
 }
