@@ -48,6 +48,11 @@ void frame(benchmark::State &state) {
 BENCHMARK(frame)
     ->ArgNames({"width", "height", "D_percent", "p_tenths", "refresh_all", "fill_percent"})
     ->Args({512, 512, 50, 10, 0, 0})
+    ->Args({640, 480, 50, 10, 0, 0})
+    ->Args({640, 480, 50, 0, 0, 0})
+    ->Args({1280, 720, 50, 10, 0, 0})
+    ->Args({1280, 720, 50, 0, 0, 0})
+    ->Args({1280, 720, 50, 10, 1, 0})
     ->Args({1024, 1024, 50, 10, 0, 0})
     ->Args({1024, 1024, 100, 10, 0, 0})
     ->Args({1024, 1024, 50, 0, 0, 0})
@@ -58,7 +63,8 @@ BENCHMARK(frame)
     ->Args({1920, 1080, 50, 10, 0, 80})
     ->Args({2048, 2048, 50, 10, 0, 0})
     ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+    ->UseRealTime()
+    ->MeasureProcessCPUTime();
 
 // From G-buffers to codes: a wall under a pattern of 5303 dots, looked up, speckled, recorded. streamed 1: frames
 // follow each other without a wait.
