@@ -14,6 +14,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from pathlib import Path
 from typing import Any
@@ -48,13 +49,14 @@ def table(header: list[str], rows: list[list[str]]) -> str:
 
 def section(name: str, report: dict[str, Any], seconds: float) -> str:
     cause, shrink = report["cause"], report["shrink"]
-    text = f"## {name}\n\nVerdict: `{cause['verdict']}`"
+    verdict = f"Verdict: `{cause['verdict']}`"
     if cause["effects"]:
-        text += ", named: " + ", ".join(f"`{effect}`" for effect in cause["effects"])
-    text += (
+        verdict += ", named: " + ", ".join(f"`{effect}`" for effect in cause["effects"])
+    verdict += (
         f". {100 * shrink['fraction']:.0f} % of the gap is gone (95 % interval {100 * shrink['ci95'][0]:.0f} to "
-        f"{100 * shrink['ci95'][1]:.0f} %). It took {seconds:.0f} s.\n\n"
+        f"{100 * shrink['ci95'][1]:.0f} %). It took {seconds:.0f} s."
     )
+    text = f"## {name}\n\n{textwrap.fill(verdict, 120)}\n\n"
     text += table(
         ["scene", "verdict", "distance", "with the effects", "effects that take something away"],
         [

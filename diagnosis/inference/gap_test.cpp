@@ -202,7 +202,7 @@ Eigen::VectorXd GapModel::birge_ratios(const FoldStatistics &statistics) const {
     }
     Eigen::VectorXd result = Eigen::VectorXd::Ones(directions_.cols());
     for (Eigen::Index p = 0; p < result.size(); ++p) {
-        const Eigen::RowVectorXd told = block_squares(full_.whiten(directions_.col(p)));
+        const Eigen::RowVectorXd told = block_squares(fit_full_.whiten(directions_.col(p)));
         if (told.sum() > 0.0)
             result[p] = std::sqrt(told.dot(square) / told.sum());
     }

@@ -443,8 +443,10 @@ void ModelFit::measure_parameters(FittedModel &fitted, const EffectModel &model,
     const Eigen::MatrixXd strays = model_of_changes.strays(runner_, GapModel::Fit::kBoth);
     const Eigen::VectorXd deviations =
         strength_deviations(model_of_changes, strays, simulator_error(runner_.list(), fitted.change));
+    // What fits do not go by says that the model is wrong, too.
+    const GapModel by_all(runner_, replicates, options_.residual_level, jacobian, model_error(fitted), unexplained_);
     fitted.parameters =
-        fitted_parameters(model, strengths, deviations.cwiseProduct(model_of_changes.birge_ratios(runner_.real())),
+        fitted_parameters(model, strengths, deviations.cwiseProduct(by_all.birge_ratios(runner_.real())),
                           static_cast<double>(strays.rows()));
 }
 
